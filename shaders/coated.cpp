@@ -8,10 +8,10 @@ namespace marram {
 CoatedBsdf coated(const ShadingPoint& point, const Vec3f& normal, const Vec3f& reflectance,
                   const Vec3f& transmittance, const Coat& coat) {
     CoatedBsdf bsdf;
-    const float side = point.side_normal.dot(point.wo) < 0.0F ? -1.0F : 1.0F;
+    const float side = point.sidedness_normal.dot(point.wo) < 0.0F ? -1.0F : 1.0F;
     bsdf.wo = point.wo;
     bsdf.normal = side * normal;
-    bsdf.side_normal = side * point.side_normal;
+    bsdf.sidedness_normal = side * point.sidedness_normal;
     bsdf.reflectance = reflectance;
     bsdf.transmittance = transmittance;
     bsdf.surface = Microsurface(bsdf.normal, coat.roughness);
@@ -30,7 +30,7 @@ CoatedBsdf coated(const ShadingPoint& point, const Vec3f& normal, const Vec3f& r
 
 BsdfValue evaluate(const CoatedBsdf& bsdf, const Vec3f& wi) {
     const float cosine = bsdf.normal.dot(wi);
-    const bool above = cosine > 0.0F, seen = (bsdf.side_normal.dot(wi) > 0.0F) == above;
+    const bool above = cosine > 0.0F, seen = (bsdf.sidedness_normal.dot(wi) > 0.0F) == above;
     BsdfValue result;
     const float density = std::abs(cosine) / pi_f;
     const float rest = std::max(0.0F, 1.0F - bsdf.gloss_probability - bsdf.reflect_probability);

@@ -14,8 +14,8 @@
 namespace marram {
 
 struct CoatedBsdf {
-    Vec3f wo, normal, side_normal;    // both normals on wo's side
-    Vec3f reflectance, transmittance; // of the base
+    Vec3f wo, normal, sidedness_normal; // both normals on wo's side
+    Vec3f reflectance, transmittance;   // of the base
     Microsurface surface;
     GlossTable::Row gloss; // row of a table that must outlive the closure
     float ior;

@@ -5,7 +5,8 @@
 //
 // Sampling selects the side with probability mean(c) : mean(t), then a cosine-weighted direction (Malley's
 // method: project a uniform disc sample up), so that for a grey material every sample weight is the albedo. f
-// is 0 where n and side_normal disagree about the side of wi (n may come from ripples): otherwise light would leak.
+// is 0 where n and sidedness_normal disagree about the side of wi (n may come from ripples): otherwise light
+// would leak.
 #include "shaders/diffuse.h"
 
 #include "core/math/problem.h"
@@ -50,9 +51,9 @@ DiffuseSettings read_diffuse(const ParamSet& params, const TextureOpener& open) 
 
 DiffuseBsdf diffuse_at(const DiffuseSettings& settings, const ShadingPoint& point) {
     DiffuseBsdf bsdf;
-    const float side = point.side_normal.dot(point.wo) < 0.0F ? -1.0F : 1.0F;
+    const float side = point.sidedness_normal.dot(point.wo) < 0.0F ? -1.0F : 1.0F;
     bsdf.normal = side * point.normal;
-    bsdf.side_normal = side * point.side_normal;
+    bsdf.sidedness_normal = side * point.sidedness_normal;
     bsdf.reflectance = color_at(settings.color, point);
     bsdf.transmittance = settings.transmission;
     const Vec3f factor = variation_factor(settings.color, point, bsdf.reflectance + bsdf.transmittance);
@@ -69,7 +70,7 @@ BsdfValue evaluate(const DiffuseBsdf& bsdf, const Vec3f& wi) {
     BsdfValue result;
     const float density = std::abs(cosine) * inverse_pi;
     result.pdf = density * (above ? bsdf.reflect_probability : 1.0F - bsdf.reflect_probability);
-    if ((bsdf.side_normal.dot(wi) > 0.0F) == above)
+    if ((bsdf.sidedness_normal.dot(wi) > 0.0F) == above)
         result.value = density * (above ? bsdf.reflectance : bsdf.transmittance);
     return result;
 }

@@ -42,8 +42,8 @@ DiffuseSettings read_diffuse(const ParamSet& params,
                              const TextureOpener& open); // throws InputError if color + transmission > 1
 
 struct DiffuseBsdf {
-    Vec3f normal;      // on wo's side
-    Vec3f side_normal; // on wo's side
+    Vec3f normal;           // on wo's side
+    Vec3f sidedness_normal; // on wo's side
     Vec3f reflectance, transmittance;
     float reflect_probability;
 };

@@ -44,11 +44,11 @@ CoatedBsdf grass_at(const GrassSettings& settings, const ShadingPoint& point) {
     const Vec3f reflected = (1.0F - settings.transmission) * color,
                 through = settings.transmission * color.cwiseProduct(settings.transmission_color);
     if (!point.flat || settings.fold == 0.0F) return coated(point, point.normal, reflected, through, coat);
-    const float side = point.side_normal.dot(point.wo) < 0.0F ? -1.0F : 1.0F;
+    const float side = point.sidedness_normal.dot(point.wo) < 0.0F ? -1.0F : 1.0F;
     const Vec3f facing = side * point.normal;
     const float turn = settings.fold * std::clamp(point.h, -1.0F, 1.0F);
     ShadingPoint half = point; // each half is a plane: the two normals agree, no energy is lost
-    half.normal = half.side_normal =
+    half.normal = half.sidedness_normal =
         (std::cos(turn) * facing + std::sin(turn) * point.tangent.cross(facing)).normalized();
     return coated(half, half.normal, reflected, through, coat);
 }

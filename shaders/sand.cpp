@@ -80,7 +80,7 @@ Vec2f octahedral_map(const Vec3f& d) {
 
 // onto: cosine between wo and the ground's normal.
 Footprint footprint_of(const ShadingPoint& point, float onto) {
-    const Vec3f& n = point.side_normal;
+    const Vec3f& n = point.sidedness_normal;
     const Vec3f away = point.wo - point.wo.dot(n) * n;
     const float sine = away.norm();
     const auto on_ground = [](const Vec3f& v) { return Vec2f(v.x(), v.z()); };
@@ -206,12 +206,12 @@ float glint(const SandSettings& settings, const Vec3d& position, float width, co
 SandBsdf sand_at(const SandSettings& settings, const ShadingPoint& point) {
     SandBsdf bsdf;
     bsdf.settings = &settings;
-    const float side = point.side_normal.dot(point.wo) < 0.0F ? -1.0F : 1.0F;
+    const float side = point.sidedness_normal.dot(point.wo) < 0.0F ? -1.0F : 1.0F;
     bsdf.wo = point.wo;
-    bsdf.side_normal = side * point.side_normal;
+    bsdf.sidedness_normal = side * point.sidedness_normal;
     bsdf.position = point.position;
     // The footprint is stretched by 1 / cosine on the ground; width is that of a circle with the same area.
-    const float onto = std::max(std::abs(point.side_normal.dot(point.wo)), 0.01F);
+    const float onto = std::max(std::abs(point.sidedness_normal.dot(point.wo)), 0.01F);
     bsdf.width = point.footprint / std::sqrt(onto);
 
     Vec3f normal = side * point.normal;
@@ -248,7 +248,7 @@ BsdfValue evaluate(const SandBsdf& bsdf, const Vec3f& wi) {
     BsdfValue result;
     const float cosine = bsdf.normal.dot(wi), cosine_o = bsdf.normal.dot(bsdf.wo);
     if (!(cosine > 0.0F)) return result;
-    const bool seen = bsdf.side_normal.dot(wi) > 0.0F;
+    const bool seen = bsdf.sidedness_normal.dot(wi) > 0.0F;
     result.pdf = (1.0F - bsdf.gloss_probability) * cosine / pi_f;
     if (seen) {
         const float o = std::max(cosine_o, 0.0F), s = bsdf.wo.dot(wi) - o * cosine;

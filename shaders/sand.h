@@ -60,11 +60,11 @@ std::vector<ParamSpec> sand_params();
 SandSettings read_sand(const ParamSet& params, const TextureOpener& open);
 
 struct SandBsdf {
-    const SandSettings* settings;  // outlives the closure
-    Vec3f wo, normal, side_normal; // both normals on wo's side
-    Vec3f color, multiple_color;   // of single and of multiple scattering between grains
-    float single, bend;            // A and B in sand.cpp
-    float albedo_o, mean_albedo;   // E(mu_o), <E>
+    const SandSettings* settings;       // outlives the closure
+    Vec3f wo, normal, sidedness_normal; // both normals on wo's side
+    Vec3f color, multiple_color;        // of single and of multiple scattering between grains
+    float single, bend;                 // A and B in sand.cpp
+    float albedo_o, mean_albedo;        // E(mu_o), <E>
     Microsurface facets;
     GlossTable::Row gloss;
     float through; // transmittance of the facets: 1 - sparkle E(mu_o)

@@ -46,7 +46,7 @@ Material make_material(std::string_view type, const ParamSet& params, const Text
     const std::string& tint = params.text("tint");
     if (tint.empty())
         throw InputError(params.at("tint").place, "tint is empty", "name an attribute, or leave it out");
-    material.tint = tint == "none" ? "" : tint;
+    material.tint_attribute = tint == "none" ? "" : tint;
     return material;
 }
 

@@ -30,13 +30,13 @@ struct ShaderDescription {
 // All shaders, in the order of the alternatives of Material::settings. Static lifetime.
 std::span<const ShaderDescription> shaders();
 
-// A shader with its settings. `tint` names the attribute that tints the colour, "" for none: the integrator
-// looks up its value and stores it in ShadingPoint::tint. A blend has no BSDF: the integrator looks up its
-// attribute and selects one of its two materials.
+// A shader with its settings. tint_attribute names the attribute that tints the colour, "" for none: the
+// integrator looks up its value and stores it in ShadingPoint::tint_weight. A blend has no BSDF: the
+// integrator looks up its attribute and selects one of its two materials.
 struct Material {
     std::variant<DiffuseSettings, GrassSettings, HairSettings, SandSettings, SurfaceSettings, BlendSettings>
         settings;
-    std::string tint;
+    std::string tint_attribute;
     bool mapped = false; // uses images: strands then need the uv at their roots
 };
 

@@ -67,17 +67,17 @@ Vec3f color_at(const StrandColor& color, const ShadingPoint& point) {
         const MapPlace place = map_place(color, point);
         result = result.cwiseProduct(color.map->at(place.uv, place.width));
     }
-    const float tint = std::isfinite(point.tint) ? std::clamp(point.tint, 0.0F, 1.0F) : 0.0F;
-    return result + tint * (color.tint_color - result);
+    const float weight = std::isfinite(point.tint_weight) ? std::clamp(point.tint_weight, 0.0F, 1.0F) : 0.0F;
+    return result + weight * (color.tint_color - result);
 }
 
 Vec3f variation_factor(const StrandColor& color, const ShadingPoint& point, const Vec3f& full) {
     if (!point.fibre || color.variation == 0.0F) return Vec3f::Ones();
-    const float brightness = brightness_share * signed_unit(mix32(point.strand));
+    const float brightness = brightness_share * signed_unit(mix32(point.strand_hash));
     Vec3f factor;
     for (uint32_t c = 0; c < 3; ++c) {
         const float hue =
-            (1.0F - brightness_share) * signed_unit(mix32(point.strand + 0x9e3779b9U * (c + 1)));
+            (1.0F - brightness_share) * signed_unit(mix32(point.strand_hash + 0x9e3779b9U * (c + 1)));
         factor[c] = 1.0F + color.variation * (brightness + hue);
         if (full[c] * factor[c] > 1.0F) factor[c] = 1.0F / full[c];
     }

@@ -23,20 +23,20 @@ struct SurfaceRipples {
 };
 
 struct ShadingPoint {
-    Vec3f wo = Vec3f::UnitZ();          // unit, towards the viewer
-    Vec3f side_normal = Vec3f::UnitZ(); // unit, on either side; see SurfacePoint::side_normal
-    Vec3f normal = Vec3f::UnitZ();      // unit, shading normal
-    Vec3f tangent = Vec3f::UnitX();     // fibres: unit, root to tip
-    Vec2f uv = Vec2f::Zero();           // fibres: uv of the surface at the root
-    Vec3d position = Vec3d::Zero();     // m, world space
-    float footprint = 0.0F;             // m: footprint width of the path, perpendicular to wo
-    float uv_width = 0.0F;              // footprint in uv, along the surface; 0 if unknown, and on fibres
-    bool fibre = false;                 // false: a surface; strand_u, h and strand are not used
-    bool flat = false;                  // fibres: a flat ribbon
-    float h = 0.0F;                     // fibres: offset across the width, -1 ... 1, along tangent x wo
-    float strand_u = 0.0F;              // fibres: 0 root ... 1 tip
-    uint32_t strand = 0;                // fibres: hash of the strand id
-    float tint = 0.0F;                  // value of the attribute Material::tint, 0 without one
+    Vec3f wo = Vec3f::UnitZ();               // unit, towards the viewer
+    Vec3f sidedness_normal = Vec3f::UnitZ(); // unit; the sign of sidedness_normal . d is the side of d
+    Vec3f normal = Vec3f::UnitZ();           // unit, shading normal
+    Vec3f tangent = Vec3f::UnitX();          // fibres: unit, root to tip
+    Vec2f uv = Vec2f::Zero();                // fibres: uv of the surface at the root
+    Vec3d position = Vec3d::Zero();          // m, world space
+    float footprint = 0.0F;                  // m: width of the ray cone, perpendicular to wo
+    float uv_width = 0.0F;    // footprint in uv, along the surface; 0 if unknown, and on fibres
+    bool fibre = false;       // false: a surface; strand_u, h and strand_hash are not used
+    bool flat = false;        // fibres: a flat ribbon
+    float h = 0.0F;           // fibres: offset across the width, -1 ... 1, along tangent x wo
+    float strand_u = 0.0F;    // fibres: 0 root ... 1 tip
+    uint32_t strand_hash = 0; // fibres: hash of the strand id
+    float tint_weight = 0.0F; // value of Material::tint_attribute, 0 without one
     SurfaceRipples ripples;
 };
 

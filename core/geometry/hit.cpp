@@ -143,7 +143,7 @@ void set_triangle(const MeshGeometry& mesh, uint32_t triangle, const Vec2f& bary
             point.patch_offset[height < 0.0F ? 0 : 1] -= weight[k] * height * normals[k];
         }
     }
-    point.side_normal = point.geometric_normal;
+    point.sidedness_normal = point.geometric_normal;
     point.strand_u = point.h = point.radius = 0.0F;
     point.barycentrics = barycentrics;
     point.material = mesh.material;
@@ -155,10 +155,10 @@ void set_triangle(const MeshGeometry& mesh, uint32_t triangle, const Vec2f& bary
 // the sign of normal . d says on which side a direction d is, and a ray near the plane or below it starts on a curved patch
 // (Hanika, "Hacking the Shadow Terminator", Ray Tracing Gems II, 2021). Not at silhouettes, where the smooth surface
 // faces away from the ray, and not where the vertex normals oppose the triangle's.
-void choose_side_normal(const Vec3f& direction, SurfacePoint& point) {
+void choose_sidedness_normal(const Vec3f& direction, SurfacePoint& point) {
     const float cos_plane = point.geometric_normal.dot(direction), cos_smooth = point.normal.dot(direction);
     if ((cos_plane < 0.0F) == (cos_smooth < 0.0F) && point.geometric_normal.dot(point.normal) > 0.0F)
-        point.side_normal = point.normal;
+        point.sidedness_normal = point.normal;
     else
         point.patch_offset = {Vec3f::Zero(), Vec3f::Zero()};
 }
@@ -419,7 +419,7 @@ RTCRay to_embree(const Ray& ray) {
 
 bool intersect(const World& world, const Ray& ray, SurfacePoint& point, bool coherent, RayCounts* counts) {
     if (!valid(ray)) {
-        if (counts) ++counts->dropped;
+        if (counts) ++counts->invalid;
         return false;
     }
     if (counts) ++counts->intersect;
@@ -442,7 +442,7 @@ bool intersect(const World& world, const Ray& ray, SurfacePoint& point, bool coh
     if (query.hit.geomID < world.meshes.size()) {
         set_triangle(world.meshes[query.hit.geomID], query.hit.primID, {query.hit.u, query.hit.v}, ray.time,
                      point);
-        choose_side_normal(ray.direction, point);
+        choose_sidedness_normal(ray.direction, point);
     } else {
         point.normal = Vec3f(query.hit.Ng_x, query.hit.Ng_y, query.hit.Ng_z).normalized();
         set_curve(world.curves[query.hit.geomID - world.meshes.size()], query.ray, query.hit, t, point);
@@ -452,7 +452,7 @@ bool intersect(const World& world, const Ray& ray, SurfacePoint& point, bool coh
 
 bool occluded(const World& world, const Ray& ray, RayCounts* counts) {
     if (!valid(ray)) {
-        if (counts) ++counts->dropped;
+        if (counts) ++counts->invalid;
         return false;
     }
     if (!(ray.tnear < ray.tfar)) return false;

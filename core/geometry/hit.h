@@ -21,12 +21,12 @@ struct Ray {
     uint32_t mask = ~0U; // bits of MarramRole that it hits
 };
 
-// Rays traced. dropped: rays that must not be passed to Embree (NaN, infinity; empty intervals are not among
+// Rays traced. invalid: rays that must not be passed to Embree (NaN, infinity; empty intervals are not among
 // them).
 struct RayCounts {
     uint64_t intersect = 0;
     uint64_t occluded = 0;
-    uint64_t dropped = 0;
+    uint64_t invalid = 0;
 };
 
 enum class PointShape : uint8_t { triangle, round, ribbon, oriented_ribbon };
@@ -38,10 +38,10 @@ struct SurfacePoint {
     Vec3f geometric_normal =
         Vec3f::UnitZ(); // mesh: its anticlockwise side; round: away from the axis; ribbon: see hit.cpp
     Vec3f normal = Vec3f::UnitZ(); // for shading: interpolated vertex normals if the mesh has them
-    // Triangles: vertex normals stand for a smooth surface (Hanika 2021, see hit.cpp). The sign of side_normal . d says
-    // on which side of it a direction d is. patch_offset: m, where spawn() starts grazing rays, from the position: [0]
-    // for rays on side_normal's side, [1] for those on the other. Not set on curves.
-    Vec3f side_normal = Vec3f::UnitZ();
+    // Triangles: vertex normals stand for a smooth surface (Hanika 2021, see hit.cpp). The sign of
+    // sidedness_normal . d says on which side of it a direction d is. patch_offset: m, where spawn() starts grazing
+    // rays, from the position: [0] for rays on sidedness_normal's side, [1] for those on the other. Not set on curves.
+    Vec3f sidedness_normal = Vec3f::UnitZ();
     std::array<Vec3f, 2> patch_offset = {Vec3f::Zero(), Vec3f::Zero()};
     Vec3f tangent = Vec3f::UnitX(); // curves: unit, root to tip; meshes: a unit vector in the surface
     Vec2f uv =

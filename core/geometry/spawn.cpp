@@ -7,12 +7,12 @@
 // need more: a grazing ray from a triangle with vertex normals (the patch offset), a ray through a round
 // fibre, and a ray from a camera-facing ribbon.
 //
-//   The ray grazes a triangle with vertex normals, which stand for a smooth surface (choose_side_normal in
-//   hit.cpp). The sign of side_normal . d is its side, for the offset by the error, too. The ray starts on a curved
+//   The ray grazes a triangle with vertex normals, which stand for a smooth surface (choose_sidedness_normal in
+//   hit.cpp). The sign of sidedness_normal . d is its side, for the offset by the error, too. The ray starts on a curved
 //   patch: the position is moved by the patch offset (m)
 //     - sum of c_k h_k n_k,   h_k = (position - v_k) . n_k,
 //   with the barycentric coordinates c_k of the vertices v_k and their normals n_k. The sum is over the
-//   vertices with h_k < 0 if the ray is on the side of side_normal, else over the others: those whose tangent
+//   vertices with h_k < 0 if the ray is on the side of sidedness_normal, else over the others: those whose tangent
 //   planes are on the ray's side of the position. hit.cpp computes both sums (SurfacePoint::patch_offset).
 //   Rays at the triangle's plane or below it start there, rays at a sine of 0.1 to it or more on the triangle,
 //   and others in between. Only in hollows, where the sum is 0, a ray above the smooth surface and below the
@@ -114,7 +114,7 @@ Ray spawn(const SurfacePoint& point, const Vec3f& direction, float time) {
         ray.origin = point.position.cast<float>();
         ray.tnear = static_cast<float>(exit_distance(point, d, error));
     } else if (point.shape == PointShape::triangle) {
-        const double side = std::copysign(1.0, static_cast<double>(point.side_normal.dot(direction)));
+        const double side = std::copysign(1.0, static_cast<double>(point.sidedness_normal.dot(direction)));
         // A ray well above the triangle's plane needs no patch, which may lie beyond what shadows the triangle.
         const double patch_weight = std::clamp(1.0 - side * outward / grazing_sine, 0.0, 1.0);
         const Vec3d to_start = patch_weight * point.patch_offset[side < 0.0 ? 1 : 0].cast<double>();

@@ -380,7 +380,7 @@ DialResult measure_pictures(Dial dial, const Session& session, double budget) {
         const double begin = wall_seconds();
         const RenderStats stats = render(world, lights, shot.materials, camera, settings, film, &progress);
         if (stats.cancelled) throw Cancelled{};
-        return Picture{find_layer(film, "beauty")->pixels, wall_seconds() - begin};
+        return Picture{find_layer(film, "beauty")->values, wall_seconds() - begin};
     };
     constexpr uint64_t other_seed = 0x5bd1e995;
     const double per_sample = picture(1, other_seed).seconds;

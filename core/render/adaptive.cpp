@@ -3,9 +3,9 @@
 //
 // The sample variance of a pixel estimates the variance of its mean as if samples were independent. Samples
 // are stratified, so the true variance is smaller: much smaller at edges, little in dense fur. The gain is
-// measured in blocks of samples_per_block samples, each well stratified by itself. The variance of the mean of nb
-// blocks includes the gain from stratification within a block, but not the gain across blocks, and has only
-// nb - 1 degrees of freedom. So the ratio of the two variances is averaged over the neighbourhood and
+// measured in blocks of samples_per_block samples, each well stratified by itself. The variance of the mean
+// of nb blocks includes the gain from stratification within a block, but not the gain across blocks, and has
+// only nb - 1 degrees of freedom. So the ratio of the two variances is averaged over the neighbourhood and
 // multiplied with the pixel's own sample variance, which is based on many more samples.
 #include "core/render/adaptive.h"
 
@@ -48,16 +48,17 @@ std::vector<double> box_filter(const Film& film, const std::vector<double>& valu
 // stratification resolves well, would dominate its neighbourhood.
 std::vector<double> stratification_factor(const Film& film) {
     constexpr uint32_t radius = 3; // pixels: 49 pixels of 2 blocks estimate it to within a fifth
-    std::vector<double> factor(film.pixels.size()), estimate_weight(film.pixels.size());
+    std::vector<double> factor(film.pixel_states.size()), estimate_weight(film.pixel_states.size());
     for (size_t i = 0; i < factor.size(); ++i) {
-        const uint32_t blocks = film.pixels[i].samples / samples_per_block;
-        const double sample_variance = variance_of_mean(
-            film.pixels[i].luminance, film.pixels[i].luminance_squares, film.pixels[i].samples);
+        const uint32_t blocks = film.pixel_states[i].samples / samples_per_block;
+        const double sample_variance =
+            variance_of_mean(film.pixel_states[i].luminance_sum, film.pixel_states[i].luminance_sq_sum,
+                             film.pixel_states[i].samples);
         if (blocks < 2 || !(sample_variance > 0.0)) continue;
         estimate_weight[i] = 1.0;
-        factor[i] =
-            variance_of_mean(film.pixels[i].block_luminance, film.pixels[i].block_luminance_squares, blocks) /
-            (sample_variance * samples_per_block * samples_per_block);
+        factor[i] = variance_of_mean(film.pixel_states[i].block_luminance_sum,
+                                     film.pixel_states[i].block_luminance_sq_sum, blocks) /
+                    (sample_variance * samples_per_block * samples_per_block);
     }
     factor = box_filter(film, factor, radius);
     estimate_weight = box_filter(film, estimate_weight, radius);
@@ -80,49 +81,48 @@ double clipped_mean(const std::vector<double>& brightness) {
 
 } // namespace
 
-// Standard deviation of a sample's luminance: the variance is averaged over the pixel and its neighbours.
-void estimate_deviation(Film& film) {
-    constexpr uint32_t radius = 2; // pixels: 25 pixels of 4 samples estimate the deviation to within a tenth
-    std::vector<double> variances(film.pixels.size());
+// Standard deviation of one sample's luminance: the variance is averaged over the 5x5 neighbourhood.
+void update_luminance_stddev(Film& film) {
+    constexpr uint32_t radius = 2; // pixels: 25 pixels of 4 samples estimate it to within a tenth
+    std::vector<double> variances(film.pixel_states.size());
     for (size_t i = 0; i < variances.size(); ++i) {
-        const double count = film.pixels[i].samples;
-        variances[i] =
-            count * variance_of_mean(film.pixels[i].luminance, film.pixels[i].luminance_squares, count);
+        const double count = film.pixel_states[i].samples;
+        variances[i] = count * variance_of_mean(film.pixel_states[i].luminance_sum,
+                                                film.pixel_states[i].luminance_sq_sum, count);
     }
     variances = box_filter(film, variances, radius);
     for (size_t i = 0; i < variances.size(); ++i)
-        film.pixels[i].luminance_stddev = float(std::sqrt(variances[i]));
+        film.pixel_states[i].luminance_stddev = float(std::sqrt(variances[i]));
 }
 
-// `noise`: target ratio of the deviation of a pixel's mean to its brightness. True: some pixel has not converged. A pixel
-// with a noisy neighbour continues too, since its few samples may all have missed the source of the
-// noise.
-bool update_convergence(Film& film, double noise) {
+// noise_threshold: target ratio of the standard error of a pixel's mean to its brightness. A pixel with a
+// noisy neighbour continues too, since its few samples may all have missed the source of the noise.
+size_t mark_converged_pixels(Film& film, double noise_threshold) {
     const FilmLayer* layer = find_layer(film, "variance");
-    const size_t pixels = static_cast<size_t>(film.width) * film.height;
+    const size_t pixel_count = static_cast<size_t>(film.width) * film.height;
     const std::vector<double> factor = stratification_factor(film);
-    std::vector<double> brightness(pixels), deviation(pixels);
-    for (size_t i = 0; i < pixels; ++i) {
+    std::vector<double> brightness(pixel_count), standard_error(pixel_count);
+    for (size_t i = 0; i < pixel_count; ++i) {
         const double* sums = film.sums.data() + i * film.stride + layer->sums_offset;
         const double count = std::max(sums[layer->sum_count], 1.0);
         double variance[3];
         for (size_t c = 0; c < 3; ++c) variance[c] = variance_of_mean(sums[c], sums[c + 3], count);
         brightness[i] = luminance(sums[0], sums[1], sums[2]) / count;
-        deviation[i] = std::sqrt(luminance(variance[0], variance[1], variance[2]) * factor[i]);
+        standard_error[i] = std::sqrt(luminance(variance[0], variance[1], variance[2]) * factor[i]);
     }
     const double mean = clipped_mean(brightness);
-    const auto noisy = [&](size_t i) { return deviation[i] > noise * std::max(brightness[i], 0.1 * mean); };
-    for (FilmPixel& pixel : film.pixels) pixel.converged = true;
-    bool any = false;
+    const auto noisy = [&](size_t i) {
+        return standard_error[i] > noise_threshold * std::max(brightness[i], 0.1 * mean);
+    };
+    for (FilmPixel& pixel : film.pixel_states) pixel.converged = true;
     for (uint32_t y = 0; y < film.height; ++y)
         for (uint32_t x = 0; x < film.width; ++x) {
             if (!noisy(static_cast<size_t>(y) * film.width + x)) continue;
-            any = true;
             for (uint32_t j = y - std::min(y, 1U); j <= std::min(y + 1, film.height - 1); ++j)
                 for (uint32_t i = x - std::min(x, 1U); i <= std::min(x + 1, film.width - 1); ++i)
-                    film.pixels[static_cast<size_t>(j) * film.width + i].converged = false;
+                    film.pixel_states[static_cast<size_t>(j) * film.width + i].converged = false;
         }
-    return any;
+    return size_t(std::ranges::count(film.pixel_states, false, &FilmPixel::converged));
 }
 
 } // namespace marram

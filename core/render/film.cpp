@@ -15,7 +15,7 @@ void for_each_attribute(const World& world, Visit&& visit) {
     for (const CurveGeometry& curves : world.curves) std::ranges::for_each(curves.attributes, visit);
 }
 
-// A layer of this name, without pixels; 0 channels if it is unknown.
+// A layer of this name, without values; 0 channels if it is unknown.
 FilmLayer describe(std::string_view name, const World& world) {
     FilmLayer layer;
     layer.name = name;
@@ -50,13 +50,14 @@ std::string known_names(const World& world) {
 std::span<const BuiltInLayer> built_in_layers() {
     using enum LayerKind;
     static constexpr BuiltInLayer layers[] = {
-        {"beauty", beauty, 3, "R G B", "the picture; always there"},
-        {"alpha", alpha, 1, "A", "share of the pixel that something covers; always there"},
-        {"variance", variance, 3, "R G B", "variance of the picture's mean, for compare and film.noise"},
-        {"albedo", albedo, 3, "R G B", "share of light that the first surface scatters"},
-        {"normal", normal, 3, "X Y Z", "shading normal of the first surface, towards the camera"},
-        {"depth", depth, 1, "Z", "distance of the first surface along the ray, m"},
-        {"strand_u", strand_u, 1, "Y", "place along the strand, 0 at the root, 1 at the tip"}};
+        {"beauty", beauty, 3, "R G B", "the picture; always written"},
+        {"alpha", alpha, 1, "A", "fraction of the samples that hit a surface; always written"},
+        {"variance", variance, 3, "R G B",
+         "variance of each beauty pixel's mean; read by film.noise and by `marram compare`"},
+        {"albedo", albedo, 3, "R G B", "fraction of light that the first hit scatters"},
+        {"normal", normal, 3, "X Y Z", "shading normal of the first hit, towards the camera"},
+        {"depth", depth, 1, "Z", "distance of the first hit along the ray, m"},
+        {"strand_u", strand_u, 1, "Y", "position along the strand, 0 at the root, 1 at the tip"}};
     return layers;
 }
 
@@ -73,7 +74,8 @@ Film make_film(uint32_t width, uint32_t height, std::span<const std::string> nam
     for (const std::string& name : names) {
         FilmLayer layer = describe(name, world);
         if (layer.channels == 0)
-            throw InputError(Place{}, "there is no layer \"" + name + "\"", "one of " + known_names(world));
+            throw InputError(Place{}, "this scene has no image layer '" + name + "'",
+                             "choose among " + known_names(world));
         layer.sums_offset = film.stride;
         // The variance layer sums colours and their squares.
         layer.sum_count = layer.kind == LayerKind::variance ? 2 * layer.channels : layer.channels;
@@ -85,63 +87,63 @@ Film make_film(uint32_t width, uint32_t height, std::span<const std::string> nam
 }
 
 void clear(Film& film) {
-    const size_t pixels = static_cast<size_t>(film.width) * film.height;
-    film.sums.assign(pixels * film.stride, 0.0);
-    film.pixels.assign(pixels, {});
+    const size_t pixel_count = static_cast<size_t>(film.width) * film.height;
+    film.sums.assign(pixel_count * film.stride, 0.0);
+    film.pixel_states.assign(pixel_count, {});
 }
 
 void add_luminance(FilmPixel& pixel, double luminance) {
-    pixel.luminance += luminance;
-    pixel.luminance_squares += luminance * luminance;
+    pixel.luminance_sum += luminance;
+    pixel.luminance_sq_sum += luminance * luminance;
 }
 
 void end_block(FilmPixel& pixel) {
-    const double block = pixel.luminance - pixel.block_luminance;
-    pixel.block_luminance_squares += block * block;
-    pixel.block_luminance = pixel.luminance;
+    const double block_sum = pixel.luminance_sum - pixel.block_luminance_sum;
+    pixel.block_luminance_sq_sum += block_sum * block_sum;
+    pixel.block_luminance_sum = pixel.luminance_sum;
 }
 
 SampleCount count_samples(const Film& film) {
     SampleCount count;
-    for (const FilmPixel& pixel : film.pixels) {
-        count.most = std::max(count.most, pixel.samples);
+    for (const FilmPixel& pixel : film.pixel_states) {
+        count.max = std::max(count.max, pixel.samples);
         count.total += pixel.samples;
     }
     if (count.total > 0)
-        count.mean = static_cast<double>(count.total) / static_cast<double>(film.pixels.size());
+        count.mean = static_cast<double>(count.total) / static_cast<double>(film.pixel_states.size());
     return count;
 }
 
 FilmProgress progress_of(const Film& film) {
     FilmProgress progress;
-    if (!film.pixels.empty()) progress.least = film.pixels.front().next_sample;
-    for (const FilmPixel& pixel : film.pixels) {
+    if (!film.pixel_states.empty()) progress.min = film.pixel_states.front().next_sample;
+    for (const FilmPixel& pixel : film.pixel_states) {
         progress.sum += pixel.next_sample;
-        progress.least = std::min(progress.least, pixel.next_sample);
-        progress.greatest = std::max(progress.greatest, pixel.next_sample);
+        progress.min = std::min(progress.min, pixel.next_sample);
+        progress.max = std::max(progress.max, pixel.next_sample);
     }
     return progress;
 }
 
-double clamped_share(const Film& film) {
+double clamped_fraction(const Film& film) {
     double clamped = 0.0, all = 0.0;
-    for (const FilmPixel& pixel : film.pixels) {
+    for (const FilmPixel& pixel : film.pixel_states) {
         if (pixel.samples == 0) continue;
-        clamped += pixel.clamped / pixel.samples;
-        all += (pixel.luminance + pixel.clamped) / pixel.samples;
+        clamped += pixel.clamped_luminance_sum / pixel.samples;
+        all += (pixel.luminance_sum + pixel.clamped_luminance_sum) / pixel.samples;
     }
     return all > 0.0 ? clamped / all : 0.0;
 }
 
 void resolve(Film& film) {
-    const size_t pixels = static_cast<size_t>(film.width) * film.height;
+    const size_t pixel_count = static_cast<size_t>(film.width) * film.height;
     for (FilmLayer& layer : film.layers) {
-        layer.pixels.resize(pixels * layer.channels);
-        for (size_t pixel = 0; pixel < pixels; ++pixel) {
+        layer.values.resize(pixel_count * layer.channels);
+        for (size_t pixel = 0; pixel < pixel_count; ++pixel) {
             const double* sums = film.sums.data() + pixel * film.stride + layer.sums_offset;
             const double count = sums[layer.sum_count];
             for (uint32_t c = 0; c < layer.channels; ++c)
-                layer.pixels[pixel * layer.channels + c] =
+                layer.values[pixel * layer.channels + c] =
                     static_cast<float>(layer.kind == LayerKind::variance
                                            ? variance_of_mean(sums[c], sums[c + layer.channels], count)
                                        : count > 0.0 ? sums[c] / count

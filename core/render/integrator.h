@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// The path tracer: forward paths from the camera with next-event estimation at every vertex, multiple
-// importance sampling (MIS) of lights and BSDFs, and Russian roulette. integrator.cpp describes the
-// estimator.
+// Unidirectional path tracer: paths start at the camera, with next-event estimation at every vertex, multiple
+// importance sampling (MIS) of lights and BSDFs, and Russian roulette. Vertex 0 is the first hit.
+// integrator.cpp describes the estimator.
 #pragma once
 
 #include "core/render/camera.h"
@@ -20,21 +20,21 @@ enum class Strategy { mis, light_sampling, bsdf_sampling };
 
 struct RenderSettings {
     uint32_t samples = 64; // maximum samples per pixel
-    // > 0: adaptive sampling. A pixel has converged when the standard deviation of its mean is below this
+    // > 0: adaptive sampling. A pixel has converged when the standard error of its mean is at most this
     // fraction of its brightness (or of a tenth of the picture's mean brightness, if that is greater), and
     // the same holds for its eight neighbours. The film needs a layer "variance".
-    double noise = 0.0;
-    // > 0: time limit. Rendering stops after this time with fewer samples. The sample counts of unconverged
-    // pixels then differ by at most one, unless samples become twice as slow during a pass. Every pixel gets
-    // at least one sample, even if that takes longer.
+    double noise_threshold = 0.0;
+    // > 0: time limit. Rendering stops after this time with fewer samples. Near the limit, passes shrink to
+    // one sample, so the sample counts of unconverged pixels differ by at most one (more only if the cost of
+    // a sample doubles within a pass). Every pixel gets at least one sample, even if that takes longer.
     double seconds = 0.0;
     std::function<double()> clock; // seconds, for `seconds`; called from any thread. Empty: the steady clock
-    uint32_t max_depth = 12;       // maximum surface interactions of a path; 0: directly visible lights only
-    uint32_t roulette_depth = 4;   // interactions before Russian roulette may end a path
-    // > 0: clamps the indirect light (from the second interaction on) of each sample: it is scaled so that
-    // its greatest channel is at most this. Removes fireflies, and with them their energy
-    // (RenderStats::clamped).
-    float clamp = 0.0F;
+    uint32_t max_depth = 12;       // maximum vertices of a path that scatter; 0: directly visible lights only
+    uint32_t roulette_depth = 4;   // vertices that scatter before Russian roulette may end a path
+    // > 0: clamps the indirect light (scattered at two or more vertices) of each sample: it is scaled so that
+    // its largest channel is at most this. Removes fireflies; biased: the image loses that energy
+    // (RenderStats::clamped_fraction).
+    float indirect_clamp = 0.0F;
     Filter filter;
     uint64_t seed = 0; // use a different seed for each frame
     Strategy strategy = Strategy::mis;
@@ -44,26 +44,26 @@ struct RenderSettings {
 // Progress of a render. cancel and samples_done may be read and written from any thread while render() runs.
 struct RenderProgress {
     const std::atomic<bool>* cancel = nullptr; // if set, render() returns within about 100 ms
-    // Out of width * height * samples. On its own cache line: threads that update it would slow down those
-    // that read cancel.
+    // Samples that pixels have taken, or skipped because they had converged, out of width * height * samples.
+    // On its own cache line: threads that update it would slow down those that read cancel.
     alignas(64) std::atomic<uint64_t> samples_done{0};
     // Called by the thread that runs render(), between two passes, when no thread writes to the film. The
-    // pixels of the layers are those of the last resolve(): resolve the film to get its current state.
+    // values of the layers are those of the last resolve(): resolve the film to get its current state.
     alignas(64) std::function<void(Film&)> between_passes;
 };
 
 struct RenderStats {
     RayCounts rays;
-    uint64_t dropped_samples = 0; // of this call, with non-finite radiance; 0 unless a light is non-finite
+    uint64_t nonfinite_samples = 0; // discarded samples of this call; 0 unless a light is non-finite
     // Mean luminance of the throughput of paths that settings.max_depth ends, over the samples of this call:
     // the fraction of light that is missing under uniform illumination.
     double cut_throughput = 0.0;
     bool cancelled = false;
-    bool out_of_time = false;  // settings.seconds stopped the render early
-    uint32_t most_samples = 0; // maximum over pixels, in this and previous calls
+    bool out_of_time = false; // settings.seconds stopped the render early
+    uint32_t max_samples = 0; // maximum over pixels, in this and previous calls
     double mean_samples = 0.0;
-    // Fraction of the picture's light that settings.clamp removed, in this and previous calls.
-    double clamped = 0.0;
+    // Fraction of the picture's light that settings.indirect_clamp removed, in this and previous calls.
+    double clamped_fraction = 0.0;
 };
 
 // Renders into the film (see make_film) and resolves it. A film that already has samples (its render was

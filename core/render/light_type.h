@@ -22,13 +22,15 @@ struct LightSample {
     bool delta = false;               // BSDF sampling cannot hit it: no MIS
     bool at_infinity = true;
     Vec3d target = Vec3d::Zero(); // a point on an emitting mesh, offset by its error
-    float unused = 0.0F;          // uniform random number, reused from choosing the light: independent
+    float rr_u = 0.0F;            // uniform, for shadow-ray roulette: left over from choosing the light
 };
 
 // Radiance of a light along a ray.
 struct LightRadiance {
     Vec3f radiance = Vec3f::Zero();
-    float pdf = -1.0F; // of light sampling for this direction; < 0: the ray does not see the light
+    // Of light sampling for this direction, per solid angle. 0: the light is visible, but never sampled here;
+    // < 0: the light is not visible along the ray.
+    float pdf = -1.0F;
 };
 
 // Pixels shared by all copies until one of them is edited. They may be computed at the first access: some

@@ -81,7 +81,7 @@ LightSample Lights::sample(const Vec3d& from, float time, const std::array<float
     std::visit([&](const auto& s) { s.sample(from, time, random[1], random[2], sample); },
                samplers_[choice.cell]);
     sample.pdf *= static_cast<float>(choice_.probability(choice.cell));
-    sample.unused = static_cast<float>(choice.within);
+    sample.rr_u = static_cast<float>(choice.within);
     return sample;
 }
 

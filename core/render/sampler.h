@@ -109,7 +109,7 @@ class Sampler {
 
     // Each use has its own set, independent of the others. Within a set the first two numbers are stratified
     // best, the fourth worst.
-    std::array<float, 4> numbers(uint32_t set) const {
+    std::array<float, 4> get_4d(uint32_t set) const {
         const uint64_t a = mix64(seed_ + first_step * (set + 1)), b = mix64(seed_ - second_step * (set + 1));
         const UInt4 seeds{uint32_t(a), uint32_t(a >> 32), uint32_t(b), uint32_t(b >> 32)};
         const uint32_t index = set == 0 ? sample_ : shuffle_sixteen(sample_, seeds[0] ^ seeds[3]);

@@ -18,13 +18,13 @@
 namespace marram {
 namespace {
 
-constexpr std::string_view mark = "marram frame state ",
-                           layout = "2 "; // change it when the channels change
+constexpr std::string_view magic = "marram frame state ",
+                           format_version = "2 "; // change it when the channels change
 
 void pack_row(const Film& film, int y, double* to) {
     for (size_t i = size_t(y) * film.width; i < size_t(y + 1) * film.width; ++i) {
         to = std::copy_n(film.sums.data() + i * film.stride, film.stride, to);
-        visit_fields(film.pixels[i], [&](const auto& value) { *to++ = double(value); });
+        visit_fields(film.pixel_states[i], [&](const auto& value) { *to++ = double(value); });
     }
 }
 
@@ -40,14 +40,14 @@ void unpack_row(const double* from, int y, Film& film) {
     for (size_t i = size_t(y) * film.width; i < size_t(y + 1) * film.width; ++i) {
         std::copy_n(from, film.stride, film.sums.data() + i * film.stride);
         from += film.stride;
-        visit_fields(film.pixels[i], [&](auto& value) { unpack(*from++, value); });
+        visit_fields(film.pixel_states[i], [&](auto& value) { unpack(*from++, value); });
     }
 }
 
 uint64_t checksum(const Film& film) {
     std::vector<uint64_t> rows(film.height);
     tbb::parallel_for(uint32_t(0), film.height, [&](uint32_t y) {
-        std::vector<double> row(size_t(film.width) * (film.stride + film_pixel_fields));
+        std::vector<double> row(size_t(film.width) * (film.stride + film_pixel_field_count));
         pack_row(film, int(y), row.data());
         for (const double value : row) rows[y] = hash(rows[y], std::bit_cast<uint64_t>(value));
     });
@@ -56,9 +56,9 @@ uint64_t checksum(const Film& film) {
     return all;
 }
 
-DoublesHeader header_of(const Film& film, const std::string& digest) {
-    return {int(film.width), int(film.height), int(film.stride + film_pixel_fields),
-            fmt::format("{}{}{} ", mark, layout, digest)};
+DoublesHeader header_of(const Film& film, const std::string& samples_digest) {
+    return {int(film.width), int(film.height), int(film.stride + film_pixel_field_count),
+            fmt::format("{}{}{} ", magic, format_version, samples_digest)};
 }
 
 // nullopt if the file cannot be opened as a picture.
@@ -93,37 +93,38 @@ bool try_read(const std::string& state, const DoublesHeader& header, Film& film)
 
 std::string state_name(const std::string& picture) { return picture + ".state.tif"; }
 
-void check_state_name(const std::string& state) {
+void check_state_overwrite(const std::string& state) {
     std::error_code error;
     if (!std::filesystem::exists(state, error)) return;
     check_writable(state);
     const std::optional<DoublesHeader> header = try_header(state);
-    const bool ours = header ? header->description.starts_with(mark) : begins_like_tiff(state);
-    if (!ours)
+    const bool is_frame_state = header ? header->description.starts_with(magic) : begins_like_tiff(state);
+    if (!is_frame_state)
         throw InputError({state}, "this file would be overwritten by the state of an unfinished frame",
                          "move it, or choose another output");
 }
 
-void save_state(const std::string& state, const Film& film, const std::string& digest) {
-    DoublesHeader header = header_of(film, digest);
+void save_state(const std::string& state, const Film& film, const std::string& samples_digest) {
+    DoublesHeader header = header_of(film, samples_digest);
     header.description += fmt::format("{:016x}", checksum(film));
     write_doubles(state, header, [&](int y, double* row) { pack_row(film, y, row); });
 }
 
-std::string load_state(const std::string& state, const std::string& digest, uint32_t samples, Film& film) {
+std::string load_state(const std::string& state, const std::string& samples_digest, uint32_t samples,
+                       Film& film) {
     constexpr const char* damaged = "is damaged or cut short";
     const std::optional<DoublesHeader> found = try_header(state);
     if (!found) return damaged;
-    const DoublesHeader wanted = header_of(film, digest);
+    const DoublesHeader wanted = header_of(film, samples_digest);
     if (!found->description.starts_with(wanted.description))
-        return "is of another scene, size, layers, frame or version";
+        return "belongs to another scene, size, layer list, frame or program version";
     if (found->width != wanted.width || found->height != wanted.height || found->channels != wanted.channels)
         return damaged;
     std::string reason;
     if (!try_read(state, *found, film) ||
         found->description != wanted.description + fmt::format("{:016x}", checksum(film)))
         reason = damaged;
-    else if (const uint32_t reached = progress_of(film).greatest; reached > samples)
+    else if (const uint32_t reached = progress_of(film).max; reached > samples)
         reason = fmt::format("has {} samples a pixel, more than the {} asked for", reached, samples);
     if (!reason.empty()) clear(film);
     return reason;

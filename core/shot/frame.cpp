@@ -41,7 +41,7 @@ std::vector<Metadata> metadata_of(const Frame& frame, const std::string& digest)
     return {{"Software", std::string("marram " MARRAM_VERSION)},
             {"marram:scene", frame.options.scene},
             {frame_key, frame.files.frame},
-            {"marram:samples", int(samples.most)},
+            {"marram:samples", int(samples.max)},
             {"marram:mean_samples", samples.mean},
             {"marram:seconds", seconds},
             {"marram:version", std::string(MARRAM_VERSION)},
@@ -218,7 +218,7 @@ std::vector<std::string> render_warnings(const Frame& frame) {
         warnings.push_back(
             fmt::format("{}: time was up after {} of {} samples a pixel: give more --seconds for less noise, "
                         "or go on with --resume",
-                        picture, render.most_samples, frame.settings.samples));
+                        picture, render.max_samples, frame.settings.samples));
     warnings.insert(warnings.end(), frame.stats.build.warnings.begin(), frame.stats.build.warnings.end());
     constexpr double dark = 0.05; // share of the light whose loss is visible
     const int depth = frame.shot.description.film.integer("max_depth");
@@ -227,11 +227,11 @@ std::vector<std::string> render_warnings(const Frame& frame) {
             fmt::format("{}: film.max_depth = {} ends paths that carry up to {:.2g} % of the light, the "
                         "picture is too dark: raise film.max_depth",
                         picture, depth, 100.0 * render.cut_throughput));
-    if (render.dropped_samples > 0)
+    if (render.nonfinite_samples > 0)
         warnings.push_back(
             fmt::format("{}: {} samples were discarded because their radiance was not finite: look for huge "
                         "values in lights and materials",
-                        picture, render.dropped_samples));
+                        picture, render.nonfinite_samples));
     return warnings;
 }
 

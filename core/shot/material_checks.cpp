@@ -42,7 +42,7 @@ void check_on_mesh(const Item& material, const MaterialUse& use, std::vector<std
 // The attributes that a material reads, as pairs of parameter and attribute name.
 std::vector<std::pair<const char*, std::string>> wanted_attributes_of(const Material& material) {
     std::vector<std::pair<const char*, std::string>> wanted;
-    if (!material.tint.empty()) wanted.emplace_back("tint", material.tint);
+    if (!material.tint_attribute.empty()) wanted.emplace_back("tint", material.tint_attribute);
     if (const auto* blend = std::get_if<BlendSettings>(&material.settings))
         wanted.emplace_back("attribute", blend->attribute);
     return wanted;

@@ -26,23 +26,23 @@ std::vector<float> rgba_of(const Film& film) {
     const FilmLayer *beauty = find_layer(film, "beauty"), *alpha = find_layer(film, "alpha");
     std::vector<float> rgba(size_t(film.width) * film.height * 4);
     for (size_t i = 0; i < size_t(film.width) * film.height; ++i) {
-        std::copy_n(beauty->pixels.data() + 3 * i, 3, rgba.data() + 4 * i);
-        rgba[4 * i + 3] = alpha->pixels[i];
+        std::copy_n(beauty->values.data() + 3 * i, 3, rgba.data() + 4 * i);
+        rgba[4 * i + 3] = alpha->values[i];
     }
     return rgba;
 }
 
 // Whether half floats can hold the picture: no value exceeds the largest half, and the mean is high enough
 // (or 0) that the smallest step of a half, 2^-24, is at most 2^-14 of it.
-bool fits_half(const std::vector<float>& pixels) {
+bool fits_half(const std::vector<float>& values) {
     constexpr float greatest = 65504.0F;
     constexpr double dimmest = 0x1p-10;
     double sum = 0.0;
-    for (const float v : pixels) {
+    for (const float v : values) {
         if (std::abs(v) > greatest) return false;
         sum += double(std::abs(v));
     }
-    return sum == 0.0 || sum >= dimmest * double(pixels.size());
+    return sum == 0.0 || sum >= dimmest * double(values.size());
 }
 
 } // namespace
@@ -83,15 +83,15 @@ void save_picture(const std::string& path, const Film& film, double exposure,
                   const std::vector<Metadata>& metadata) {
     const int width = int(film.width), height = int(film.height);
     if (lower_extension(path) == ".png") {
-        write_png(path, width, height, 3, find_layer(film, "beauty")->pixels.data(), exposure, metadata);
+        write_png(path, width, height, 3, find_layer(film, "beauty")->values.data(), exposure, metadata);
         return;
     }
     const std::vector<float> rgba = rgba_of(film);
     std::vector<Layer> layers = {
-        {"", {"R", "G", "B", "A"}, rgba.data(), fits_half(find_layer(film, "beauty")->pixels)}};
+        {"", {"R", "G", "B", "A"}, rgba.data(), fits_half(find_layer(film, "beauty")->values)}};
     for (const FilmLayer& layer : film.layers)
         if (layer.kind != LayerKind::beauty && layer.kind != LayerKind::alpha)
-            layers.push_back({layer.name, channel_names(layer), layer.pixels.data(),
+            layers.push_back({layer.name, channel_names(layer), layer.values.data(),
                               layer.kind == LayerKind::albedo || layer.kind == LayerKind::normal});
     write_exr(path, width, height, layers, metadata);
 }

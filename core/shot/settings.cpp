@@ -78,8 +78,8 @@ RenderSettings render_settings(const Shot& shot, double frame) {
     RenderSettings settings;
     settings.samples = uint32_t(film.integer("samples"));
     settings.max_depth = uint32_t(film.integer("max_depth"));
-    settings.noise = film.number("noise");
-    settings.clamp = float(film.number("clamp"));
+    settings.noise_threshold = film.number("noise");
+    settings.indirect_clamp = float(film.number("clamp"));
     const std::string& filter = film.text("filter");
     settings.filter.kind = filter == "box"        ? FilterKind::box
                            : filter == "triangle" ? FilterKind::triangle
@@ -94,7 +94,7 @@ RenderSettings render_settings(const Shot& shot, double frame) {
 std::vector<std::string> wanted_attributes(const Shot& shot, const std::vector<std::string>& layers) {
     std::vector<std::string> names = layers;
     for (const Material& material : shot.materials) {
-        if (!material.tint.empty()) names.push_back(material.tint);
+        if (!material.tint_attribute.empty()) names.push_back(material.tint_attribute);
         if (material.mapped) names.emplace_back("root_uv");
         if (const auto* blend = std::get_if<BlendSettings>(&material.settings))
             names.push_back(blend->attribute);

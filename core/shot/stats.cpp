@@ -57,10 +57,10 @@ nlohmann::ordered_json to_json(const FrameStats& stats) {
                       {"curve_bytes", build.curve_bytes},
                       {"curve_extra_bytes", build.attribute_bytes}};
     json["rays"] = stats.render.rays.intersect + stats.render.rays.occluded;
-    json["dropped_rays"] = stats.render.rays.dropped;
-    json["samples"] = {{"most", stats.render.most_samples}, {"mean", stats.render.mean_samples}}; // per pixel
-    json["dropped_samples"] = stats.render.dropped_samples;
-    json["clamped"] = stats.render.clamped;
+    json["dropped_rays"] = stats.render.rays.invalid;
+    json["samples"] = {{"most", stats.render.max_samples}, {"mean", stats.render.mean_samples}}; // per pixel
+    json["dropped_samples"] = stats.render.nonfinite_samples;
+    json["clamped"] = stats.render.clamped_fraction;
     json["cut_throughput"] = stats.render.cut_throughput; // mean, of paths cut by max_depth
     add_report(build.report, json);
     return json;

@@ -230,7 +230,7 @@ Picture Stage::render(uint64_t seed, uint32_t samples) const {
     RenderSettings settings = render_settings(scene_, frame_);
     std::vector<std::string> names = {"beauty"};
     names.insert(names.end(), layers_.begin(), layers_.end());
-    if (settings.noise > 0.0) names.emplace_back("variance"); // adaptive sampling needs it
+    if (settings.noise_threshold > 0.0) names.emplace_back("variance"); // adaptive sampling needs it
     Film film = make_film(width, height, names, world_);
     settings.seed = seed;
     if (samples > 0) settings.samples = samples;
@@ -239,10 +239,10 @@ Picture Stage::render(uint64_t seed, uint32_t samples) const {
     picture.width = int(width);
     picture.height = int(height);
     picture.samples = int(settings.samples);
-    picture.layers.push_back({"", {"R", "G", "B"}, find_layer(film, "beauty")->pixels});
+    picture.layers.push_back({"", {"R", "G", "B"}, find_layer(film, "beauty")->values});
     for (const std::string& name : layers_) {
         const FilmLayer& layer = *find_layer(film, name);
-        picture.layers.push_back({name, channels_of(layer.channels), layer.pixels});
+        picture.layers.push_back({name, channels_of(layer.channels), layer.values});
     }
     return picture;
 }

@@ -156,9 +156,8 @@ TEST_F(Resume, OtherFramesAreOtherStates) {
     const int samples = samples_of(folder / "f.1.exr") + 3;
     const ProgramResult other = marram(with_samples("a.exr", samples, {"--frame", "2", "--resume"}));
     EXPECT_EQ(other.code, 0);
-    EXPECT_CONTAINS(
-        other.err,
-        "is of another scene, size, layers, frame or version: the frame is rendered from the start");
+    EXPECT_CONTAINS(other.err, "belongs to another scene, size, layer list, frame or program version: the "
+                               "frame is rendered from the start");
     fs::remove(folder / "f.2.exr.state.tif");
     EXPECT_EQ(marram(with_samples("f.#.exr", samples, {"--frames", "1-2", "--resume", "--quiet"})).code, 0);
     EXPECT_TRUE(same_picture(folder / "a.exr", folder / "f.2.exr"));
@@ -201,8 +200,10 @@ TEST_F(Resume, AStateOfAnotherFrameIsNotUsed) {
         settings = other;
         const ProgramResult done = marram(with_samples("a.exr", samples, {"--resume"}));
         EXPECT_EQ(done.code, 0) << other[1];
-        EXPECT_EQ(done.err, state + ": is of another scene, size, layers, frame or version: the frame is "
-                                    "rendered from the start\n");
+        EXPECT_EQ(done.err,
+                  state +
+                      ": belongs to another scene, size, layer list, frame or program version: the frame is "
+                      "rendered from the start\n");
         expect_uninterrupted_result(samples);
     }
     settings.clear();

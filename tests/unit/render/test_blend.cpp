@@ -53,10 +53,10 @@ TEST(Blend, IsTheMixtureThatTheRampSays) {
     for (uint32_t x = 0; x < size; ++x) {
         const double attribute = (x + 0.5) / size, share = std::clamp((attribute - 0.25) * 2.0, 0.0, 1.0);
         const size_t at = (size / 2) * size + x;
-        EXPECT_NEAR(film.layers[2].pixels[at], attribute, 2e-3) << x;
+        EXPECT_NEAR(film.layers[2].values[at], attribute, 2e-3) << x;
         // Four standard deviations of a fraction in 4,096 samples; none where only one material is used.
         const double allowed = 1e-3 + (share > 0.0 && share < 1.0 ? 0.8 * 4.0 * 0.5 / 64.0 : 0.0);
-        EXPECT_NEAR(film.layers[1].pixels[3 * at], 0.8 * (1.0 - share), allowed) << x;
+        EXPECT_NEAR(film.layers[1].values[3 * at], 0.8 * (1.0 - share), allowed) << x;
     }
 }
 

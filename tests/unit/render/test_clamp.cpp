@@ -42,9 +42,9 @@ Picture picture(float clamp, uint32_t samples, uint32_t max_depth = 6, uint64_t 
     settings.filter = {FilterKind::box, 0.5};
     settings.samples = samples;
     settings.max_depth = max_depth;
-    settings.clamp = clamp;
+    settings.indirect_clamp = clamp;
     settings.seed = seed;
-    settings.noise = noise;
+    settings.noise_threshold = noise;
     const std::vector<Material> materials = {
         testing::material_of("diffuse", {{"color", "0.6"}}),
         testing::material_of("surface", {{"color", "0.7"}, {"roughness", "0.15"}})};
@@ -56,7 +56,7 @@ Picture picture(float clamp, uint32_t samples, uint32_t max_depth = 6, uint64_t 
     Film film = make_film(64, 48, layers, world);
     Picture result;
     result.stats = render(world, Lights(lights, world), materials, camera, settings, film);
-    result.pixels = find_layer(film, "beauty")->pixels;
+    result.pixels = find_layer(film, "beauty")->values;
     return result;
 }
 
@@ -70,13 +70,13 @@ double brightness(const Picture& picture) {
 
 TEST(Clamp, LeavesWhatIsBelowIt) {
     EXPECT_EQ(picture(0.0F, 5).pixels, picture(1e6F, 5).pixels);
-    EXPECT_EQ(picture(0.0F, 5).stats.clamped, 0.0);
+    EXPECT_EQ(picture(0.0F, 5).stats.clamped_fraction, 0.0);
 }
 
 TEST(Clamp, LeavesDirectLight) {
     const Picture clamped = picture(1e-6F, 5, 1);
     EXPECT_EQ(clamped.pixels, picture(0.0F, 5, 1).pixels);
-    EXPECT_EQ(clamped.stats.clamped, 0.0);
+    EXPECT_EQ(clamped.stats.clamped_fraction, 0.0);
 }
 
 // One sample a pixel, the same path with and without a clamp: indirect light is scaled down to the clamp, and
@@ -93,7 +93,7 @@ TEST(Clamp, TakesWhatItTells) {
         EXPECT_LT((left - expected).cwiseAbs().maxCoeff(), 1e-5F * (1.0F + all.maxCoeff()));
         cut += most > limit;
     }
-    const double share = clamped.stats.clamped;
+    const double share = clamped.stats.clamped_fraction;
     std::printf("[ clamp ] %zu of %zu samples cut, %.3f of the light taken\n", cut, plain.pixels.size() / 3,
                 share);
     EXPECT_GT(cut, 20U);
@@ -107,8 +107,8 @@ TEST(Clamp, TakesNoMoreForTheRoulette) {
     double by_paths = 0.0;
     constexpr int seeds = 64;
     for (uint64_t seed = 1; seed <= seeds; ++seed)
-        by_paths += picture(limit, 1, 6, seed).stats.clamped / seeds;
-    const double by_roulette = picture(limit, 256).stats.clamped;
+        by_paths += picture(limit, 1, 6, seed).stats.clamped_fraction / seeds;
+    const double by_roulette = picture(limit, 256).stats.clamped_fraction;
     const double plain = brightness(picture(0.0F, 1024)), clamped = brightness(picture(limit, 1024));
     std::printf("[ clamp ] %.4f of the light taken from paths, %.4f with the roulette; missing %.4f\n",
                 by_paths, by_roulette, 1.0 - clamped / plain);
@@ -122,10 +122,11 @@ TEST(Clamp, TakesNoMoreForTheRoulette) {
 TEST(Clamp, TellsOfThePictureNotOfItsSamples) {
     constexpr float limit = 2.0F;
     const Picture even = picture(limit, 256), uneven = picture(limit, 256, 6, 1, 0.02);
-    std::printf("[ clamp ] %.4f of the light taken with 256 samples, %.4f with %.1f\n", even.stats.clamped,
-                uneven.stats.clamped, uneven.stats.mean_samples);
+    std::printf("[ clamp ] %.4f of the light taken with 256 samples, %.4f with %.1f\n",
+                even.stats.clamped_fraction, uneven.stats.clamped_fraction, uneven.stats.mean_samples);
     EXPECT_LT(uneven.stats.mean_samples, 128.0);
-    EXPECT_NEAR(uneven.stats.clamped, even.stats.clamped, 0.15 * even.stats.clamped);
+    EXPECT_NEAR(uneven.stats.clamped_fraction, even.stats.clamped_fraction,
+                0.15 * even.stats.clamped_fraction);
 }
 
 } // namespace

@@ -63,7 +63,7 @@ Camera camera() {
 ShadingPoint shading_point(const SurfacePoint& hit, const Vec3f& wo) {
     ShadingPoint point;
     point.wo = wo;
-    point.side_normal = hit.geometric_normal;
+    point.sidedness_normal = hit.geometric_normal;
     point.normal = hit.normal;
     point.tangent = hit.tangent;
     point.uv = hit.uv;
@@ -163,7 +163,7 @@ Bands rendered(const World& world, const std::vector<Material>& materials) {
         Film film = make_film(side, side, layers, world);
         render(world, lights, materials, camera(), settings, film);
         std::array<double, bands> sums{};
-        const std::vector<float>& pixels = film.layers[0].pixels;
+        const std::vector<float>& pixels = film.layers[0].values;
         for (size_t i = 0; i < pixels.size(); ++i)
             sums[i * bands / pixels.size()] += double(pixels[i]) * bands / double(pixels.size());
         return sums;

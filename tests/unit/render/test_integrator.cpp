@@ -44,8 +44,8 @@ struct Shot {
         Film film = make_film(width, height, layers, world);
         const Lights tables(lights, world);
         stats = render(world, tables, materials, camera, settings, film);
-        EXPECT_EQ(stats.rays.dropped, 0U);
-        EXPECT_EQ(stats.dropped_samples, 0U);
+        EXPECT_EQ(stats.rays.invalid, 0U);
+        EXPECT_EQ(stats.nonfinite_samples, 0U);
         return film;
     }
 };
@@ -61,7 +61,7 @@ Shot shot_from(const Vec3d& from, const Vec3d& to, double fov_degrees) {
 
 double mean_of(const Film& film, const char* layer) {
     double sum = 0.0;
-    const std::vector<float>& pixels = find_layer(film, layer)->pixels;
+    const std::vector<float>& pixels = find_layer(film, layer)->values;
     for (const float p : pixels) sum += p;
     return sum / static_cast<double>(pixels.size());
 }
@@ -81,7 +81,7 @@ TEST(Furnace, WhiteSphereInWhiteSkyIsWhite) {
         shot.settings.strategy = strategy;
         const Film film = shot(builder.world);
         double worst = 0.0;
-        for (const float p : find_layer(film, "beauty")->pixels) worst = std::max(worst, std::abs(p - 1.0));
+        for (const float p : find_layer(film, "beauty")->values) worst = std::max(worst, std::abs(p - 1.0));
         std::printf("[ furnace ] white sphere, %s: worst pixel off by %.1e, mean by %.1e\n",
                     exact ? "shader samples" : "mis", worst, std::abs(mean_of(film, "beauty") - 1.0));
         EXPECT_LT(worst, exact ? 1e-6 : 2e-2); // mis: 4 sigma of 1024 samples
@@ -221,8 +221,8 @@ TEST(Environment, LightsLikeTheSkyItShows) {
     const Film by_sky = shot(builder.world);
     shot.lights = {image_of(sky, 512)};
     const Film by_image = shot(builder.world);
-    for (size_t i = 0; i < by_sky.layers[0].pixels.size(); ++i)
-        EXPECT_NEAR(by_sky.layers[0].pixels[i], by_image.layers[0].pixels[i], 0.02);
+    for (size_t i = 0; i < by_sky.layers[0].values.size(); ++i)
+        EXPECT_NEAR(by_sky.layers[0].values[i], by_image.layers[0].values[i], 0.02);
     EXPECT_NEAR(mean_of(by_sky, "beauty"), mean_of(by_image, "beauty"), 1e-3);
 }
 

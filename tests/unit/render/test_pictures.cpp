@@ -40,14 +40,14 @@ Film take(const World& world, const Camera& camera, const RenderSettings& settin
           const std::vector<LightDescription>& lights = {SkyLight{}}) {
     Film film = make_film(width, height, layers, world);
     const RenderStats stats = render(world, Lights(lights, world), materials, camera, settings, film);
-    EXPECT_EQ(stats.rays.dropped, 0U);
+    EXPECT_EQ(stats.rays.invalid, 0U);
     return film;
 }
 
 double mean_of(const FilmLayer& layer) {
     double sum = 0.0;
-    for (const float p : layer.pixels) sum += p;
-    return sum / static_cast<double>(layer.pixels.size());
+    for (const float p : layer.values) sum += p;
+    return sum / static_cast<double>(layer.values.size());
 }
 
 // The area that a strand of length 1 covers from the side.
@@ -81,7 +81,7 @@ TEST(Motion, SquareLeavesTheAnalyticTrace) {
     for (uint32_t column = 0; column < 50; ++column) {
         const double x = -1.25 + 2.5 * (column + 0.5) / 50.0;
         const double expected = std::clamp(1.0 - std::abs(x), 0.0, 1.0);
-        EXPECT_NEAR(film.layers[0].pixels[25 * 50 + column], expected, 0.025) << column;
+        EXPECT_NEAR(film.layers[0].values[25 * 50 + column], expected, 0.025) << column;
     }
 }
 
@@ -97,7 +97,7 @@ TEST(Motion, FibreLeavesTheAnalyticTrace) {
     for (uint32_t row = 0; row < 50; ++row) {
         const double y = 1.25 - 2.5 * (row + 0.5) / 50.0;
         const double expected = std::clamp(1.0 - std::abs(y + 0.5), 0.0, 1.0);
-        EXPECT_NEAR(film.layers[0].pixels[row * 50 + 25], expected, 0.025) << row;
+        EXPECT_NEAR(film.layers[0].values[row * 50 + 25], expected, 0.025) << row;
     }
 }
 
@@ -112,7 +112,7 @@ TEST(Motion, MovingCameraBlursAResting) {
     const Film film = take(builder.commit(), camera, plain(256), 50, 50, {"alpha"});
     for (uint32_t column = 0; column < 50; ++column) {
         const double x = -1.25 + 2.5 * (column + 0.5) / 50.0;
-        EXPECT_NEAR(film.layers[0].pixels[25 * 50 + column], std::clamp(1.0 - std::abs(x), 0.0, 1.0), 0.025);
+        EXPECT_NEAR(film.layers[0].values[25 * 50 + column], std::clamp(1.0 - std::abs(x), 0.0, 1.0), 0.025);
     }
 }
 
@@ -149,18 +149,18 @@ TEST(Layers, CarryWhatTheyAreNamedAfter) {
     EXPECT_EQ(find_layer(film, "position")->channels, 3U);
     size_t strands = 0;
     for (size_t i = 0; i < 64 * 64; ++i) {
-        const float u = find_layer(film, "strand_u")->pixels[i], alpha = find_layer(film, "alpha")->pixels[i];
-        EXPECT_EQ(alpha == 0.0F, find_layer(film, "depth")->pixels[i] == 0.0F);
+        const float u = find_layer(film, "strand_u")->values[i], alpha = find_layer(film, "alpha")->values[i];
+        EXPECT_EQ(alpha == 0.0F, find_layer(film, "depth")->values[i] == 0.0F);
         if (u == 0.0F) continue;
         ++strands;
-        EXPECT_NEAR(find_layer(film, "position")->pixels[3 * i + 1], 0.6 * u, 1e-4);
-        EXPECT_NEAR(find_layer(film, "position")->pixels[3 * i],
-                    0.03 * (find_layer(film, "id")->pixels[i] - 20.0), 1e-4);
-        const Eigen::Map<const Vec3f> normal(find_layer(film, "normal")->pixels.data() + 3 * i);
+        EXPECT_NEAR(find_layer(film, "position")->values[3 * i + 1], 0.6 * u, 1e-4);
+        EXPECT_NEAR(find_layer(film, "position")->values[3 * i],
+                    0.03 * (find_layer(film, "id")->values[i] - 20.0), 1e-4);
+        const Eigen::Map<const Vec3f> normal(find_layer(film, "normal")->values.data() + 3 * i);
         EXPECT_NEAR(normal.norm(), 1.0, 1e-5);
         EXPECT_GT(normal.z(), -0.1);
-        EXPECT_NEAR(find_layer(film, "albedo")->pixels[3 * i], 0.5, 1e-6);
-        EXPECT_NEAR(find_layer(film, "depth")->pixels[i], 3.0, 0.4);
+        EXPECT_NEAR(find_layer(film, "albedo")->values[3 * i], 0.5, 1e-6);
+        EXPECT_NEAR(find_layer(film, "depth")->values[i], 3.0, 0.4);
     }
     EXPECT_GT(strands, 300U);
     EXPECT_EQ(layer_channels("shield", builder.world), 0U);
@@ -187,7 +187,7 @@ TEST(Determinism, SameBitsAtAnyThreadCountAndTileSize) {
         }
     for (const Film& film : films)
         for (size_t i = 0; i < film.layers.size(); ++i)
-            EXPECT_EQ(film.layers[i].pixels, films[0].layers[i].pixels);
+            EXPECT_EQ(film.layers[i].values, films[0].layers[i].values);
 }
 
 TEST(Cancel, StopsAtOnceAndLeavesWhatIsThere) {
@@ -204,7 +204,7 @@ TEST(Cancel, StopsAtOnceAndLeavesWhatIsThere) {
     RenderStats stats = render(builder.world, tables, materials, camera, RenderSettings{}, film, &progress);
     EXPECT_TRUE(stats.cancelled);
     EXPECT_EQ(progress.samples_done, 0U);
-    EXPECT_EQ(film.layers[0].pixels.size(), 32U * 32U * 3U);
+    EXPECT_EQ(film.layers[0].values.size(), 32U * 32U * 3U);
     cancel = false;
     stats = render(builder.world, tables, materials, camera, plain(5), film, &progress);
     EXPECT_FALSE(stats.cancelled);
@@ -231,7 +231,7 @@ TEST(Hit, RefusesRaysThatEmbreeMustNotSee) {
         EXPECT_FALSE(intersect(builder.world, ray, point, false, &counts));
         EXPECT_FALSE(occluded(builder.world, ray, &counts));
     }
-    EXPECT_EQ(counts.dropped, 2 * bad.size());
+    EXPECT_EQ(counts.invalid, 2 * bad.size());
     EXPECT_EQ(counts.intersect + counts.occluded, 0U);
 }
 

@@ -49,7 +49,7 @@ class Resume : public ::testing::Test {
     RenderStats continue_render(Film& film, uint32_t samples, RenderProgress* progress = nullptr) const {
         RenderSettings settings;
         settings.samples = samples;
-        settings.noise = noise;
+        settings.noise_threshold = noise;
         settings.max_depth = 3;
         return render(builder_.world, Lights(lights, builder_.world), grey, camera_, settings, film,
                       progress);
@@ -61,9 +61,9 @@ class Resume : public ::testing::Test {
     }
     static void expect_same(const Film& a, const Film& b) {
         EXPECT_EQ(a.sums, b.sums);
-        EXPECT_TRUE(a.pixels == b.pixels);
+        EXPECT_TRUE(a.pixel_states == b.pixel_states);
         for (size_t i = 0; i < a.layers.size(); ++i)
-            EXPECT_EQ(a.layers[i].pixels, b.layers[i].pixels) << a.layers[i].name;
+            EXPECT_EQ(a.layers[i].values, b.layers[i].values) << a.layers[i].name;
     }
 
     double noise = 0.0;
@@ -82,7 +82,7 @@ TEST_F(Resume, FewerSamplesBecomeMore) {
             expect_same(film, uninterrupted_render(samples));
         }
         std::set<uint32_t> counts;
-        for (const FilmPixel& pixel : film.pixels) counts.insert(pixel.samples);
+        for (const FilmPixel& pixel : film.pixel_states) counts.insert(pixel.samples);
         EXPECT_EQ(counts.size() >= 4, target > 0.0) << "pixels are done at different times";
     }
 }
@@ -98,9 +98,9 @@ TEST_F(Resume, WhenTimeIsUp) {
         return render(builder_.world, Lights(lights, builder_.world), grey, camera_, settings, film);
     };
     EXPECT_TRUE(in_no_time().out_of_time);
-    EXPECT_EQ(count_samples(film).total, film.pixels.size());
+    EXPECT_EQ(count_samples(film).total, film.pixel_states.size());
     EXPECT_TRUE(in_no_time().out_of_time);
-    EXPECT_EQ(count_samples(film).total, film.pixels.size()) << "not a sample of a pass of three";
+    EXPECT_EQ(count_samples(film).total, film.pixel_states.size()) << "not a sample of a pass of three";
     continue_render(film, 40);
     expect_same(film, uninterrupted_render(40));
 }
@@ -113,7 +113,7 @@ TEST_F(Resume, UsesTheTimeThatItIsGiven) {
         constexpr double cost = 0.25; // seconds a sample: powers of two, so that sums are exact
         for (const double samples : {1.5, 2.0, 3.25, 4.0, 7.0, 15.5, 17.0, 30.0, 63.0, 100.25}) {
             Film film = empty();
-            const double pixels = double(film.pixels.size());
+            const double pixels = double(film.pixel_states.size());
             RenderSettings settings;
             settings.samples = 4096;
             settings.max_depth = 1;
@@ -125,7 +125,8 @@ TEST_F(Resume, UsesTheTimeThatItIsGiven) {
             const double used = cost * double(count_samples(film).total) / settings.seconds;
             EXPECT_GT(used, 0.95) << samples;
             EXPECT_LT(used, 1.05) << samples;
-            const auto [least, most] = std::ranges::minmax_element(film.pixels, {}, &FilmPixel::samples);
+            const auto [least, most] =
+                std::ranges::minmax_element(film.pixel_states, {}, &FilmPixel::samples);
             EXPECT_LE(most->samples - least->samples, 1U) << samples;
         }
     });
@@ -138,15 +139,15 @@ TEST_F(Resume, WithinAPass) {
             noise = target;
             const Film before = uninterrupted_render(16), after = uninterrupted_render(reached);
             Film film = before;
-            for (size_t i = 0; i < film.pixels.size(); ++i) {
+            for (size_t i = 0; i < film.pixel_states.size(); ++i) {
                 if (i % 2 == 0) { // as judged at 16
-                    film.pixels[i].converged = after.pixels[i].converged;
-                    film.pixels[i].luminance_stddev = after.pixels[i].luminance_stddev;
+                    film.pixel_states[i].converged = after.pixel_states[i].converged;
+                    film.pixel_states[i].luminance_stddev = after.pixel_states[i].luminance_stddev;
                     continue;
                 }
                 std::copy_n(after.sums.data() + i * film.stride, film.stride,
                             film.sums.data() + i * film.stride);
-                film.pixels[i] = after.pixels[i];
+                film.pixel_states[i] = after.pixel_states[i];
             }
             continue_render(film, 100);
             expect_same(film, uninterrupted_render(100));
@@ -162,7 +163,7 @@ TEST_F(Resume, AfterManyCancels) {
         RenderProgress progress;
         progress.cancel = &cancel;
         std::thread watcher([&] {
-            while (!over && progress.samples_done < part * samples * film.pixels.size() / 20)
+            while (!over && progress.samples_done < part * samples * film.pixel_states.size() / 20)
                 std::this_thread::yield();
             cancel = true;
         });
@@ -185,10 +186,10 @@ TEST_F(Resume, DroppedSamplesCount) {
     const RenderStats second = continue_render(film, 50);
     Film whole = empty();
     const RenderStats all = continue_render(whole, 50);
-    EXPECT_GT(first.dropped_samples, 0U);
-    EXPECT_EQ(first.dropped_samples + second.dropped_samples, all.dropped_samples);
+    EXPECT_GT(first.nonfinite_samples, 0U);
+    EXPECT_EQ(first.nonfinite_samples + second.nonfinite_samples, all.nonfinite_samples);
     EXPECT_EQ(second.mean_samples, 50.0);
-    EXPECT_EQ(second.most_samples, 50U);
+    EXPECT_EQ(second.max_samples, 50U);
     expect_same(film, whole);
 }
 
@@ -197,13 +198,13 @@ TEST_F(Resume, AFilmIsShownBetweenPasses) {
     std::vector<uint32_t> seen;
     RenderProgress progress;
     progress.between_passes = [&](Film& shown) {
-        seen.push_back(count_samples(shown).most);
+        seen.push_back(count_samples(shown).max);
         resolve(shown);
-        EXPECT_EQ(shown.layers[0].pixels, uninterrupted_render(seen.back()).layers[0].pixels);
+        EXPECT_EQ(shown.layers[0].values, uninterrupted_render(seen.back()).layers[0].values);
     };
     continue_render(film, 40, &progress);
     EXPECT_EQ(seen, (std::vector<uint32_t>{1, 4, 16, 32})); // the last pass is the picture
-    EXPECT_EQ(progress.samples_done, 40U * film.pixels.size());
+    EXPECT_EQ(progress.samples_done, 40U * film.pixel_states.size());
     expect_same(film, uninterrupted_render(40));
 }
 

@@ -21,7 +21,7 @@ using NumberSet = std::array<float, 4>;
 // The numbers of a set, for samples that begin at a multiple of `count`.
 std::vector<NumberSet> numbers_of(uint64_t pixel, uint32_t set, uint32_t first, uint32_t count) {
     std::vector<NumberSet> all;
-    for (uint32_t s = first; s < first + count; ++s) all.push_back(Sampler(hash(1, pixel), s).numbers(set));
+    for (uint32_t s = first; s < first + count; ++s) all.push_back(Sampler(hash(1, pixel), s).get_4d(set));
     return all;
 }
 
@@ -78,7 +78,7 @@ double integration_error(uint32_t samples, bool random, bool smooth) {
     for (uint64_t pixel = 0; pixel < 200; ++pixel) {
         double mean = 0.0;
         for (uint32_t s = 0; s < samples; ++s) {
-            const NumberSet n = Sampler(hash(2, pixel), s).numbers(3);
+            const NumberSet n = Sampler(hash(2, pixel), s).get_4d(3);
             Vec2f at(n[0], n[1]);
             if (random) {
                 const uint64_t h = hash(hash(3, pixel), s);
@@ -123,12 +123,12 @@ TEST(Sampler, SetsAreFreeOfEachOther) {
                     std::array<double, 4> mean{};
                     for (uint32_t s = 0; s < samples; ++s) {
                         const Sampler sampler(hash(1, pixel), s);
-                        const float x = sampler.numbers(0)[d], y = sampler.numbers(3)[e],
-                                    z = Sampler(hash(2, pixel), s).numbers(3)[e];
+                        const float x = sampler.get_4d(0)[d], y = sampler.get_4d(3)[e],
+                                    z = Sampler(hash(2, pixel), s).get_4d(3)[e];
                         mean[0] += left(x) * left(y) / samples;
                         mean[1] += fine(x) * fine(y) / samples;
                         mean[2] += slope(x) * slope(y) / samples;
-                        mean[3] += slope(sampler.numbers(2)[d]) * slope(z) / samples;
+                        mean[3] += slope(sampler.get_4d(2)[d]) * slope(z) / samples;
                     }
                     for (size_t f = 0; f < 4; ++f) variance[f] += mean[f] * mean[f] * samples / pixels;
                 }
@@ -207,7 +207,7 @@ double check_light(const LightDescription& light) {
     double sum = 0.0;
     constexpr uint32_t count = 4096;
     for (uint32_t s = 0; s < count; ++s) {
-        const NumberSet n = Sampler(4, s).numbers(0);
+        const NumberSet n = Sampler(4, s).get_4d(0);
         const Vec2f at(n[0], n[1]);
         const LightSample drawn = lights.sample(Vec3d::Zero(), 0.0F, {0.5F, at.x(), at.y()});
         if (!(drawn.pdf > 0.0F)) continue;
@@ -269,7 +269,7 @@ TEST(Environment, IsSampledByItsBrightness) {
         std::array<double, sectors * bands> angle{};
         double sum = 0.0, squares = 0.0;
         for (uint32_t s = 0; s < count; ++s) {
-            const NumberSet n = Sampler(7, s).numbers(0);
+            const NumberSet n = Sampler(7, s).get_4d(0);
             const Vec2f at(n[0], n[1]);
             const LightSample drawn = lights.sample(Vec3d::Zero(), 0.0F, {0.5F, at.x(), at.y()});
             ASSERT_GT(drawn.pdf, 0.0F);
@@ -303,7 +303,7 @@ TEST(Environment, ManyTurnsAreNone) {
     const std::vector<LightDescription> one = {map}, other = {turned};
     const Lights a(one, world), b(other, world);
     for (uint32_t s = 0; s < 256; ++s) {
-        const NumberSet n = Sampler(8, s).numbers(0);
+        const NumberSet n = Sampler(8, s).get_4d(0);
         const Vec3f from = a.sample(Vec3d::Zero(), 0.0F, {n[0], n[1], n[2]}).direction,
                     to = b.sample(Vec3d::Zero(), 0.0F, {n[0], n[1], n[2]}).direction;
         EXPECT_LT((from - to).norm(), 1e-6F);

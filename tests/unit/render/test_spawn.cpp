@@ -63,7 +63,7 @@ Rate self_hits(const World& world, const Vec3d& center, double reach, double dis
             again.distance < near)
             ++rate.again;
     }
-    rate.dropped = counts.dropped;
+    rate.dropped = counts.invalid;
     return rate;
 }
 
@@ -127,12 +127,12 @@ TEST(Spawn, StartsOnTheSmoothSurface) {
             SurfacePoint point;
             if (!intersect(world, ray, point, false)) continue;
             const float cosine = point.normal.dot(light);
-            if (std::abs(cosine) < 1e-3F || point.side_normal != point.normal) continue;
+            if (std::abs(cosine) < 1e-3F || point.sidedness_normal != point.normal) continue;
             const bool dark = occluded(world, spawn(point, light, 0.0F));
             ++(cosine > 0.0F ? lit : shadowed);
             wrong += dark == (cosine > 0.0F);
             point.patch_offset = {Vec3f::Zero(), Vec3f::Zero()}; // the triangle's own plane
-            point.side_normal = point.geometric_normal;
+            point.sidedness_normal = point.geometric_normal;
             by_planes += occluded(world, spawn(point, light, 0.0F)) == (cosine > 0.0F);
         }
         std::printf("[ shadow   ] %.0e@%.0e: %d lit, %d shadowed, %d wrong, %d wrong by planes\n", s.scale,
@@ -188,10 +188,10 @@ TEST(Spawn, LeavesTheTriangleThatWasHit) {
         ray.direction = (to - from).normalized().cast<float>();
         SurfacePoint point;
         if (!intersect(world, ray, point, false)) continue;
-        EXPECT_LT(point.side_normal.dot(ray.direction), 0.0F);
+        EXPECT_LT(point.sidedness_normal.dot(ray.direction), 0.0F);
         if (point.normal.dot(ray.direction) < 0.0F) continue;
         ++grazing;
-        EXPECT_EQ(point.side_normal, point.geometric_normal);
+        EXPECT_EQ(point.sidedness_normal, point.geometric_normal);
         EXPECT_EQ(point.patch_offset[0], Vec3f::Zero());
         EXPECT_FALSE(occluded(world, spawn(point, -ray.direction, 0.0F)));
     }

@@ -30,10 +30,10 @@ inline ShadingPoint fibre_point(double theta, double h) {
     ShadingPoint point;
     point.tangent = Vec3f::UnitY();
     point.wo = fibre_direction(theta, 0.0).cast<float>();
-    point.normal = point.side_normal = fibre_direction(0.0, std::asin(h)).cast<float>();
+    point.normal = point.sidedness_normal = fibre_direction(0.0, std::asin(h)).cast<float>();
     point.fibre = true;
     point.h = static_cast<float>(h);
-    point.strand = 12345;
+    point.strand_hash = 12345;
     return point;
 }
 

@@ -22,7 +22,7 @@ Vec3f unit_vector(double y, double phi) {
 // A point on the ground, viewed at an angle with this cosine.
 ShadingPoint ground_point(double cosine, double phi = 0.7) {
     ShadingPoint point;
-    point.side_normal = point.normal = Vec3f::UnitY();
+    point.sidedness_normal = point.normal = Vec3f::UnitY();
     point.wo = unit_vector(cosine, phi);
     point.footprint = 1e6F; // innumerable glints
     return point;
@@ -215,7 +215,7 @@ TEST(Surfaces, TintLiesOverTheImage) {
         [](const std::string&, TextureContent, const Place&) { return std::make_shared<Paint>(); });
     ShadingPoint point = ground_point(0.8);
     for (const float tint : {0.0F, 0.5F, 1.0F}) {
-        point.tint = tint;
+        point.tint_weight = tint;
         const Vec3f expected = (1.0F - tint) * Vec3f(0.4F, 0.2F, 0.0F) + tint * Vec3f(0.1F, 0.2F, 0.9F);
         EXPECT_LT((albedo(bsdf_at(material, point)) - expected).norm(), 1e-3F) << tint;
     }
@@ -290,7 +290,7 @@ TEST(Grass, IsFoldedAlongItsMiddle) {
         ShadingPoint point;
         point.fibre = point.flat = true;
         point.tangent = Vec3f::UnitX();
-        point.side_normal = point.normal = Vec3f::UnitY();
+        point.sidedness_normal = point.normal = Vec3f::UnitY();
         point.wo = Vec3f(0.0F, wo_y, 0.6F);
         for (const float h : {-1.0F, 1.0F}) {
             point.h = h;
@@ -353,7 +353,7 @@ TEST(Sand, GlintsDoNotFlicker) {
 // The ripples on level ground at a position.
 Ripple ripple_on_ground(const Material& sand, const Vec3d& at, const Footprint& seen) {
     ShadingPoint point;
-    point.normal = point.side_normal = Vec3f::UnitY();
+    point.normal = point.sidedness_normal = Vec3f::UnitY();
     point.position = at;
     return ripple_at(sand_of(sand), point, seen);
 }

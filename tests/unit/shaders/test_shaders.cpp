@@ -23,11 +23,11 @@ TEST(Color, RunsFromRootToTipAndTakesTheTint) {
                                                    {"tip_color", "[0, 1, 0]"},
                                                    {"tint", "\"shield\""},
                                                    {"tint_color", "[0, 0, 1]"}});
-    EXPECT_EQ(blade.tint, "shield");
+    EXPECT_EQ(blade.tint_attribute, "shield");
     ShadingPoint point = fibre_point(0.0, 0.0F);
     point.strand_u = 0.25F;
     EXPECT_TRUE(albedo(bsdf_at(blade, point)).isApprox(Vec3f(0.75F, 0.25F, 0.0F)));
-    point.tint = 1.0F;
+    point.tint_weight = 1.0F;
     EXPECT_TRUE(albedo(bsdf_at(blade, point)).isApprox(Vec3f(0.0F, 0.0F, 1.0F)));
 }
 
@@ -37,7 +37,7 @@ TEST(Color, VariesFromStrandToStrandWithoutCreatingLight) {
     double sum = 0.0, low = 1.0;
     for (uint32_t strand = 0; strand < 1000; ++strand) {
         ShadingPoint point = fibre_point(0.0, 0.0F);
-        point.strand = static_cast<uint32_t>(hash(1, strand));
+        point.strand_hash = static_cast<uint32_t>(hash(1, strand));
         const Vec3f all = albedo(bsdf_at(blade, point));
         EXPECT_LE(all.maxCoeff(), 1.0F + 1e-6F);
         EXPECT_EQ(all, albedo(bsdf_at(blade, point)));
@@ -53,7 +53,7 @@ TEST(Registry, EveryShaderHasHelpAndCanBeMadeFromItsDefaults) {
         EXPECT_FALSE(shader.help.empty());
         for (const ParamSpec& spec : shader.params)
             EXPECT_FALSE(spec.help.empty()) << shader.name << "." << spec.name;
-        EXPECT_EQ(material_of(shader.name).tint, "");
+        EXPECT_EQ(material_of(shader.name).tint_attribute, "");
     }
 }
 

@@ -5,6 +5,7 @@
 #include "core/cli/exit_codes.h"
 #include "core/cli/interrupt.h"
 #include "core/cli/memory.h"
+#include "core/scene/suggest.h"
 
 #include <CLI/CLI.hpp>
 #include <fmt/format.h>
@@ -315,6 +316,18 @@ void check_standard_output() {
                          "check where it goes; the files that it would have named are whole");
 }
 
+// CLI11 would say that a subcommand is required, not that this is none.
+void check_command(const CLI::App& app, int argc, char** argv) {
+    std::vector<std::string> commands = {"help"};
+    for (const CLI::App* command : app.get_subcommands({})) commands.push_back(command->get_name());
+    const bool help = argc > 2 && argv[1] == std::string_view("help");
+    if (argc < 2) return;
+    const std::string name = argv[help ? 2 : 1];
+    if (name.starts_with('-') || std::ranges::find(commands, name) != commands.end()) return;
+    throw InputError({"marram"}, fmt::format("there is no command {}", in_quotes(name)),
+                     hint(name, commands, "command"));
+}
+
 } // namespace
 
 int threads_of(const CommonOptions& options) {
@@ -341,7 +354,17 @@ int run(int argc, char** argv) {
     add_completion(app, commands);
     add_man(app, commands);
     try {
-        app.parse(argc, argv);
+        check_command(app, argc, argv);
+        std::vector<char*> arguments(argv, argv + argc);
+        if (argc > 1 && arguments[1] == std::string_view("help")) { // help COMMAND: COMMAND --help
+            static std::string option = "--help";
+            arguments.erase(arguments.begin() + 1);
+            arguments.resize(std::min<size_t>(arguments.size(), 2));
+            arguments.push_back(option.data());
+        }
+        app.parse(int(arguments.size()), arguments.data());
+    } catch (const InputError& error) {
+        return report(error);
     } catch (const CLI::ParseError& error) {
         if (error.get_exit_code() == 0) return app.exit(error); // --help, --version
         return report(

@@ -14,6 +14,7 @@
 #include "core/shot/picture_file.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <tbb/global_control.h>
 #include <tbb/task_arena.h>
 
@@ -43,7 +44,7 @@ void check_outputs(const Shot& shot, const std::vector<FrameFiles>& frames, cons
             check_writable(layer.file);
         }
         check_partial_name(partial);
-        check_state_name(frame.state);
+        check_state_overwrite(frame.state);
         previews.insert(frame.preview);
         stats.insert(numbered(options.stats, frame.frame));
     }
@@ -70,6 +71,22 @@ void check_layer_pictures(const Shot& shot, const RenderOptions& options, size_t
     }
 }
 
+// The same scene may be rendered to EXR and, for a look, to PNG: layers that a PNG leaves out are no error.
+void warn_of_unwritten_layers(const Shot& shot, const RenderOptions& options) {
+    const ParamValue* aovs = shot.description.film.find("aovs");
+    if (!aovs || lower_extension(options.output) != ".png") return;
+    std::vector<std::string> unwritten;
+    for (const std::string& layer : aovs->texts)
+        if (std::ranges::find(options.pictures, layer, &LayerPicture::layer) == options.pictures.end())
+            unwritten.push_back(layer);
+    if (unwritten.empty()) return;
+    const Problem problem{
+        aovs->place,
+        fmt::format("film.aovs: not written: {}: a PNG holds the picture alone", fmt::join(unwritten, ", ")),
+        "write an .exr, or a layer to a file of its own with --png", ""};
+    fmt::print(stderr, "{}\n", to_string(problem));
+}
+
 // Checks layers and materials before anything is built.
 void check_contents(const Shot& shot, const RenderOptions& options, size_t frames) {
     check_layers(shot, options.layers);
@@ -77,6 +94,7 @@ void check_contents(const Shot& shot, const RenderOptions& options, size_t frame
     if (!options.layers.empty() && lower_extension(options.output) == ".png")
         throw InputError({"--aov " + options.layers.front()}, "a PNG holds the picture alone",
                          "write an .exr, or the layer to a file of its own with --png");
+    warn_of_unwritten_layers(shot, options);
     for (const std::string& warning : check_materials(shot)) fmt::print(stderr, "{}\n", warning);
 }
 
@@ -100,9 +118,9 @@ ProgressState state_of(const FrameProgress& progress, const std::string& prefix)
 void save(Frame& frame, Preview& preview, bool quiet) {
     const RenderStats& render = frame.stats.render;
     for (const std::string& warning : render_warnings(frame)) fmt::print(stderr, "{}\n", warning);
-    if (render.clamped > 0.0 && !quiet)
+    if (render.clamped_fraction > 0.0 && !quiet)
         fmt::print(stderr, "{}: film.clamp took {:.2g} % of the light\n", frame.files.picture,
-                   100.0 * render.clamped);
+                   100.0 * render.clamped_fraction);
     const SavedFrame saved = save_frame(frame);
     for (const std::string& layer : saved.layers) fmt::print("{}\n", layer);
     fmt::print("{}\n", saved.picture);

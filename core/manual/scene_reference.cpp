@@ -121,6 +121,20 @@ std::string layers_text(const PluginSet& plugins) {
     return text + "\n";
 }
 
+// The parameters of this name, or of the table of this name, wherever they occur: "gusts", "aovs".
+std::string params_named(const Schema& schema, const std::string& name) {
+    std::string text;
+    for (const Topic& topic : topics(schema)) {
+        std::vector<ParamSpec> found;
+        std::ranges::copy_if(topic.params, std::back_inserter(found), [&](const ParamSpec& spec) {
+            return spec.name == name || spec.name.starts_with(name + ".") ||
+                   spec.name.starts_with(name + "[");
+        });
+        if (!found.empty()) text += fmt::format("in {}\n{}\n", topic.title, params_text(found));
+    }
+    return text;
+}
+
 } // namespace
 
 std::vector<std::string> reference_subjects(const PluginSet& plugins) {
@@ -135,7 +149,7 @@ std::string reference_text(const PluginSet& plugins, const std::string& subject)
     for (const Topic& topic : topics(plugins.schema))
         if (subject.empty() || subject == topic.name) text += topic_text(topic);
     if (subject.empty() || subject == "layers") text += layers_text(plugins);
-    return text;
+    return text.empty() ? params_named(plugins.schema, subject) : text;
 }
 
 CompletionWords completion_words(const PluginSet& plugins) {

@@ -58,6 +58,18 @@ std::optional<std::string> read_text_key(const toml::table& table, const char* k
     return {};
 }
 
+// "a terrain is a [[procedural]]"; "" if no table has items of this type.
+std::string table_of_type(const std::string& type, const Schema& schema) {
+    for (const auto& [kind, schemas] : {std::pair{"light", &schema.lights},
+                                        {"material", &schema.materials},
+                                        {"mesh", &schema.meshes},
+                                        {"curves", &schema.curves},
+                                        {"procedural", &schema.procedurals}})
+        if (std::ranges::any_of(*schemas, [&](const ItemSchema& one) { return one.type == type; }))
+            return fmt::format("write it as a [[{}]]", kind);
+    return "";
+}
+
 const ItemSchema* read_type(const toml::table& table, const std::string& kind, const std::string& label,
                             std::span<const ItemSchema> schemas, Reading& reading) {
     std::vector<std::string> types;
@@ -73,9 +85,10 @@ const ItemSchema* read_type(const toml::table& table, const std::string& kind, c
     if (!type) return nullptr;
     for (const ItemSchema& schema : schemas)
         if (schema.type == *type) return &schema;
-    reading.report(
-        place_of(*table.get("type"), reading), fmt::format("{} is no type of {}", in_quotes(*type), kind),
-        hint(*type, types, fmt::format("type of {} in this build", kind)), "scene.unknown_" + kind);
+    std::string fix = nearest(*type, types).empty() ? table_of_type(*type, *reading.schema) : "";
+    if (fix.empty()) fix = hint(*type, types, fmt::format("type of {} in this build", kind));
+    reading.report(place_of(*table.get("type"), reading),
+                   fmt::format("{} is no type of {}", in_quotes(*type), kind), fix, "scene.unknown_" + kind);
     return nullptr;
 }
 

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <filesystem>
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <map>
 #include <set>
 
@@ -105,11 +106,12 @@ void check_references(const ParamSet& params, const std::string& address, const 
             if (const auto entry = names.find(kind); entry != names.end())
                 known.insert(known.end(), entry->second.begin(), entry->second.end());
         if (std::find(known.begin(), known.end(), value.text) != known.end()) continue;
-        const std::string kinds = listed(split(value.spec->choices, '|'));
-        reading.report(
-            value.place,
-            fmt::format("{}: there is no {} {}", join(address, value.name), kinds, in_quotes(value.text)),
-            known.empty() ? fmt::format("add a [[{}]] of this name", kinds) : hint(value.text, known, kinds));
+        const std::vector<std::string> kinds = split(value.spec->choices, '|');
+        reading.report(value.place,
+                       fmt::format("{}: there is no {} {}", join(address, value.name),
+                                   fmt::join(kinds, " or "), in_quotes(value.text)),
+                       known.empty() ? fmt::format("add a [[{}]] of this name", fmt::join(kinds, "]] or [["))
+                                     : hint(value.text, known, ""));
     }
 }
 

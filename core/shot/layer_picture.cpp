@@ -71,9 +71,11 @@ std::optional<ValueRange> natural_range(const std::string& layer) {
         return ValueRange{0.0, 1.0};
     case LayerKind::normal:
         return ValueRange{-1.0, 1.0};
+    case LayerKind::attribute: // these two go from 0 to 1; gusts that overlap may exceed it
+        if (layer == "gust" || layer == "shield") return ValueRange{0.0, 1.0};
+        break;
     case LayerKind::variance:
     case LayerKind::depth:
-    case LayerKind::attribute:
         break;
     }
     return std::nullopt;
@@ -89,17 +91,17 @@ void save_layer_picture(const LayerPicture& picture, const Film& film, double ex
     const FilmLayer& layer = *find_layer(film, picture.layer);
     const int width = int(film.width), height = int(film.height);
     const ValueRange range = range_of(picture);
-    std::vector<float> pixels = layer.pixels;
+    std::vector<float> values = layer.values;
     if (layer.kind == LayerKind::beauty || layer.kind == LayerKind::albedo) {
-        for (float& value : pixels)
+        for (float& value : values)
             value = float((double(value) - range.black) / (range.white - range.black));
-        write_png(picture.file, width, height, 3, pixels.data(),
+        write_png(picture.file, width, height, 3, values.data(),
                   layer.kind == LayerKind::beauty ? exposure : 0.0, metadata);
         return;
     }
     if (layer.kind == LayerKind::depth)
-        std::ranges::replace(pixels, 0.0F, std::numeric_limits<float>::infinity());
-    write_range_png(picture.file, width, height, int(layer.channels), pixels.data(), range, metadata);
+        std::ranges::replace(values, 0.0F, std::numeric_limits<float>::infinity());
+    write_range_png(picture.file, width, height, int(layer.channels), values.data(), range, metadata);
 }
 
 } // namespace marram

@@ -450,7 +450,9 @@ TEST(BadInput, CommandLines) {
     refuse({"bake", scene, "-o", folder / "a.hair", "--frame", "nan"}, "frame");
     refuse({"compare", "a.exr", "b.exr"}, "a.exr: there is no such file");
     refuse({"measure", scene, "--out", scene}, "the folder for the report cannot be made");
-    refuse({"no_such_command"}, "subcommand");
+    refuse({"no_such_command"}, "there is no command \"no_such_command\": known are ");
+    refuse({"rendre"}, "there is no command \"rendre\": did you mean \"render\"?");
+    refuse({"help", "rendre"}, "there is no command \"rendre\"");
     refuse({}, "subcommand");
 }
 

@@ -169,6 +169,18 @@ TEST(Completion, ZshTakesItsScript) {
     EXPECT_EQ(output_of("zsh -f -n '" + folder / "_marram" + "' 2>&1"), "");
 }
 
+TEST(Help, IsACommandToo) {
+    EXPECT_EQ(printed({"help"}), printed({"--help"}));
+    EXPECT_EQ(printed({"help", "bake"}), printed({"bake", "--help"}));
+}
+
+// A subject may be a parameter or a table inside one.
+TEST(Info, FindsParametersByName) {
+    EXPECT_CONTAINS(printed({"info", "gusts"}), "in [wind]\n    gusts.num_gusts");
+    EXPECT_CONTAINS(printed({"info", "aovs"}), "in [film]\n    aovs");
+    EXPECT_EQ(marram({"info", "no_such_subject"}).code, 2);
+}
+
 TEST(InfoKeys, AreWhatSettingsTake) {
     const Folder folder;
     const std::string scene = folder.write(

@@ -168,5 +168,22 @@ TEST(LayerPictures, AreRefusedBeforeAnythingIsWritten) {
            "or the layer to a file of its own with --png");
 }
 
+// A scene's film.aovs go to EXR only. That a PNG lacks them is said.
+TEST(LayerPictures, OfTheSceneAreMissedInAPng) {
+    const Folder folder;
+    const std::string scene = folder.write(
+        "a.toml", SceneText{.film = std::string(small.film) + "aovs = [\"normal\", \"depth\"]\n"});
+    const auto messages = [&](std::vector<std::string> more) {
+        more.insert(more.begin(), {"render", scene, "--quiet", "-o"});
+        const ProgramResult done = marram(more, run_copy);
+        EXPECT_EQ(done.code, 0);
+        return lines(done.err);
+    };
+    EXPECT_EQ(messages({folder / "a.exr"}).size(), 0u);
+    const auto png = messages({folder / "a.png", "--png", "normal=" + folder / "n.png"});
+    ASSERT_EQ(png.size(), 1u);
+    EXPECT_CONTAINS(png[0], "film.aovs: not written: depth: a PNG holds the picture alone");
+}
+
 } // namespace
 } // namespace marram::testing

@@ -140,7 +140,8 @@ TEST(SeveralMeshes, MistakesAreTold) {
     EXPECT_NE(mistake("[]").find("or a list of such names"), std::string::npos) << mistake("[]");
     EXPECT_NE(mistake("[\"low\", \"low\"]").find("names \"low\" twice: name each once"), std::string::npos)
         << mistake("[\"low\", \"low\"]");
-    EXPECT_NE(mistake("[\"low\", \"hihg\"]").find("there is no mesh, procedural \"hihg\""), std::string::npos)
+    EXPECT_NE(mistake("[\"low\", \"hihg\"]").find("there is no mesh or procedural \"hihg\""),
+              std::string::npos)
         << mistake("[\"low\", \"hihg\"]");
     EXPECT_NE(mistake("[\"low\", 3]").find("a part of procedural.fur.on"), std::string::npos);
     const std::string two = mistake("[\"low\", \"high\"]", "\n" + fur_on("[\"low\", \"high\"]"));
@@ -149,7 +150,7 @@ TEST(SeveralMeshes, MistakesAreTold) {
     const std::string guided =
         mistake("[\"low\", \"high\"]", "\n[[procedural]]\ntype = \"groom\"\nname = \"child\"\non = \"low\"\n"
                                        "count = 9\nwidth = 0.01\nguides.curves = \"fur\"\n");
-    EXPECT_NE(guided.find("guides.curves: there is no curves, procedural \"fur\""), std::string::npos)
+    EXPECT_NE(guided.find("guides.curves: there is no curves or procedural \"fur\""), std::string::npos)
         << guided;
     // Imported strands need exactly one mesh.
     const std::string imported =

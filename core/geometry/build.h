@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Builds the world of one frame. Procedurals run in dependency order. Each gets the geometry that it names
-// and a collider scene of the meshes that it traces; equal sets of meshes share one collider scene.
+// (curves: also all meshes that collide or shelter) and a collider scene of the meshes that it traces; equal sets of meshes share one collider scene.
 // Procedurals of kind mesh add meshes. Procedurals of kind curves write their CVs, patch by patch, directly
 // into Embree's buffers. The world scene holds the same mesh geometries (or the render meshes that replace
 // them) and the curves.
@@ -49,7 +49,9 @@ struct BuildSettings {
     uint32_t motion_keys = 2; // 2 ... 64, used if open < close; 0: the tolerance chooses for each geometry
     double bind_frame = 1.0;
     MarramStage stage = MARRAM_FINAL;
-    double tolerance = 0.0; // metres
+    // Metres: at view.reference_depth, or anywhere if that is 0. 0: the default of each procedural (strands: a
+    // thousandth of their length).
+    double tolerance = 0.0;
     View view;
     std::optional<CameraSamples> camera; // none: growth surfaces are rendered
     std::vector<std::string> attributes; // of curves, by name; ignored if a procedural does not have them
@@ -66,13 +68,16 @@ struct BuildProgress {
 };
 
 struct BuildStats {
-    // Wall seconds of: meshes made by procedurals; the scene's meshes and collider scenes; the BVH. Curves:
-    // see report.
-    double terrain = 0.0, colliders = 0.0, curves_bvh = 0.0;
-    Report report;            // of procedurals; curves' seconds are divided among "seconds.<stage>"
+    // Wall seconds.
+    double terrain = 0.0;    // meshes made by procedurals of any type, and their render meshes
+    double colliders = 0.0;  // the scene's meshes and collider scenes
+    double curves_bvh = 0.0; // attaching curves, their straight pieces, and the BVH of the world
+    // What procedurals reported. The wall time of making curves is split over "seconds.<stage>" in proportion
+    // to their thread seconds.
+    Report report;
     uint32_t motion_keys = 1; // the most of any geometry; each one's own: "fur.motion_keys" in `chosen`
     // Only if keys were chosen automatically; of the procedural where it is largest. motion_error: 99th
-    // percentile of the strands' error between keys, m (View::enlarged). motion_jumps: fraction of strands
+    // percentile of the strands' error between keys, m, scaled by View::enlarged to its size at reference_depth. motion_jumps: fraction of strands
     // that jump within the shutter, which no number of keys can follow.
     double motion_error = 0.0, motion_jumps = 0.0;
     double mesh_motion_error = 0.0; // m, likewise, of meshes that move within the shutter, with the keys used

@@ -46,12 +46,12 @@ struct FilmLayer {
     std::vector<float> values; // filled by resolve: rows from the top, channels interleaved
 };
 
-// State of a pixel besides the sums of its layers: all that a resumed render needs.
+// State of a pixel. A resumed render needs this and the sums of the layers, nothing else.
 struct FilmPixel {
     uint32_t next_sample = 0; // index in its sequence; earlier ones were taken, or skipped when converged
     uint32_t samples = 0;     // taken, including non-finite ones
     bool converged = false;   // skipped by the current pass
-    double luminance_sum = 0.0, luminance_sq_sum = 0.0; // over samples: of luminance and of its square
+    double luminance_sum = 0.0, luminance_sq_sum = 0.0; // over finite samples: of luminance and of its square
     double block_luminance_sum = 0.0;    // of luminance over complete blocks of samples_per_block samples
     double block_luminance_sq_sum = 0.0; // over complete blocks: of the square of a block's luminance sum
     double clamped_luminance_sum = 0.0;  // luminance that RenderSettings::indirect_clamp removed

@@ -6,9 +6,9 @@
 // "Robust Monte Carlo Methods for Light Transport Simulation", 1997):
 //
 //   light sampling (next-event estimation), with pdf l (LightSample::pdf, LightRadiance::pdf):
-//     beta f cos L / l . l^2 / (l^2 + p^2), if the shadow ray is not occluded;
+//     (beta f cos L / l) * l^2 / (l^2 + p^2), if the shadow ray is not occluded;
 //   BSDF sampling, with pdf p (`bsdf_pdf`):
-//     beta' L . p^2 / (l^2 + p^2), if the ray hits a light.
+//     (beta' L) * p^2 / (l^2 + p^2), if the ray hits a light.
 //
 // Light that only one strategy can sample has weight 1: light seen directly by the camera, and delta lights.
 // Russian roulette (apply_russian_roulette): a path continues with probability q = min(1, largest channel of
@@ -84,7 +84,8 @@ struct RenderContext {
     std::vector<const AttributeValues*> ids;             // [geometry ID] or nullptr: id of each strand
     std::vector<const AttributeValues*>
         root_uvs; // [geometry ID] or nullptr: surface uv at each strand's root
-    std::vector<std::array<const AttributeValues*, 2>> ripples; // [geometry ID of meshes]: both or none
+    std::vector<std::array<const AttributeValues*, 2>>
+        ripples; // [mesh]: both ripple attributes, or nullptr twice
     std::vector<const AttributeValues*>
         layer_attributes; // [geometry ID * film layers + layer] or nullptr: attribute of this layer (AOV)
     bool has_motion_blur;
@@ -173,7 +174,8 @@ const Material& material_at(const RenderContext& context, const SurfacePoint& hi
     return *material;
 }
 
-// Ids are discrete and cannot be interpolated, so they are hashed to [0, 1].
+// The material's tint attribute at a hit; 0 without one. An id is discrete: it is hashed to [0, 1], which gives
+// each id a random tint.
 float tint_weight_at(const RenderContext& context, const Material& material, const SurfacePoint& hit) {
     if (material.tint_attribute.empty()) return 0.0F;
     const bool is_base = &material == &material_of(context, hit.material); // otherwise one side of a blend
@@ -582,7 +584,7 @@ void render_passes(const RenderContext& context, Film& film, RenderStats& stats,
                 mark_converged_pixels(film, settings.noise_threshold) == 0)
                 return;
         }
-        while (begin < end) { // partial passes: several only near the deadline
+        while (begin < end) { // partial passes: several near the deadline, or to measure the cost
             // The first sample is always completed.
             if (settings.seconds > 0.0 && begin > 0) deadline.time = start + settings.seconds;
             stats.out_of_time = deadline.passed();

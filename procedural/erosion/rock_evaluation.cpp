@@ -221,7 +221,7 @@ bool evaluate_rock(RockInstance& instance, const Values& values, const MarramFra
     const bool erodes = values.integer("levels") > 0;
     if (!frame.colliders)
         throw SceneFault("contract.no_colliders", "", "MarramFrame.colliders is NULL",
-                         "pass the committed scene of all meshes");
+                         "pass the committed scene of the frame's meshes");
     if (erodes && !frame.device)
         throw SceneFault("contract.no_device", "", "MarramFrame.device is NULL", "pass Embree's device");
     if (!erodes) copy_mesh(instance, mesh);

@@ -89,8 +89,8 @@ MarramStatus create(const MarramHost* host, const MarramValues* values, MarramIn
     });
 }
 
-// Keeps the roots if neither the mesh nor the values that place them have changed. Collider trees record
-// their sources and are kept as long as the colliders do not change.
+// Roots are kept unless the mesh, the guides or the values that place them change. Collider trees are kept;
+// make_chain_frame() rebuilds them if meshes or query bounds have changed.
 MarramStatus update(MarramInstance* opaque, const MarramUpdate* given, uint32_t* changed) {
     if (!opaque) return MARRAM_ERROR; // no host to report to
     GroomInstance& instance = self(opaque);
@@ -317,7 +317,7 @@ MarramStatus begin(MarramInstance* opaque, const MarramFrame* frame, MarramOutpu
         const bool traces = instance.wind.collision || instance.wind.shielding;
         if (traces && !instance.frame.colliders)
             throw SceneFault("contract.no_colliders", "", "MarramFrame.colliders is NULL",
-                             "pass the committed scene of all meshes");
+                             "pass the committed scene of the frame's meshes");
         instance.workers.clear();
         instance.placing_seconds = 0.0;
         find_mesh(instance);
@@ -340,7 +340,7 @@ MarramStatus begin(MarramInstance* opaque, const MarramFrame* frame, MarramOutpu
                 find_mesh_instances(instance.frame, *instance.mesh, instance.mesh_instances);
             status != MARRAM_OK)
             return status;
-        if (instance.guides) instance.groom.length = {0.0, instance.guides->longest()};
+        if (instance.guides) instance.groom.length = {0.0, instance.guides->longest_child()};
         if (const MarramStatus status =
                 set_gust_plane_once(instance.host, instance.frame, {}, instance.wind, instance.gust_start);
             status != MARRAM_OK)
@@ -494,7 +494,7 @@ void report(MarramInstance* opaque, void (*sink)(void*, const char*, double), vo
     if (wind.noise.left_out > 0) sink(user, "chosen.octaves", wind.noise.octaves - wind.noise.left_out);
     sink(user, "seconds.place_roots", instance.placing_seconds);
     sink(user, "seconds.prepare_wind", instance.prepare_seconds);
-    // Peak memory: the candidates are freed before scratch memory is allocated.
+    // The peak is the larger of the two: the candidates of placing are freed before the rest is allocated.
     const size_t lasting = instance.roots.capacity() * sizeof(Root) + instance.bind_positions.capacity() * 4 +
                            instance.blends.capacity() * sizeof(GuideBlend) +
                            (instance.guides ? instance.guides->bytes() : 0) + instance.past.bytes() +

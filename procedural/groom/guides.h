@@ -65,7 +65,7 @@ class GuideSet {
              const std::function<bool()>& cancelled);
 
     size_t count() const { return guides_.size(); }
-    double longest() const { return longest_; } // of a child, m
+    double longest_child() const { return longest_; } // of a child, m
     // The blend for a child with this root and normal. Considers at most the 32 nearest guides; if all are
     // excluded, takes the nearest. Memory: 32 bytes per child.
     GuideBlend blend_at(const Vec3d& root, const Vec3d& normal) const;

@@ -442,7 +442,7 @@ MarramStatus begin_import(MarramInstance* opaque, const MarramFrame* frame, Marr
         if ((instance.wind.collision || instance.wind.shielding) && instance.frame.mesh_count > 0 &&
             !instance.frame.colliders)
             throw SceneFault("contract.no_colliders", "", "MarramFrame.colliders is NULL",
-                             "pass the committed scene of all meshes");
+                             "pass the committed scene of the frame's meshes");
         instance.workers.clear();
         instance.binding_seconds = 0.0;
         find_skin(instance);

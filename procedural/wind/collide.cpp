@@ -6,8 +6,8 @@
 //
 // free_distance[k] is a lower bound on the distance from CV k, and from the segment that ends there, to every
 // collider. Storing a CV rounds it to floats, which moves its segment by no more than the CV itself. So each
-// CV's bound is that of the previous one, minus the rounding. It is measured again if it gets too small (a
-// thousand CVs far from the origin), and at the root if the first turn reports not_clear.
+// CV's bound is that of the previous one, minus the rounding. Rounding uses it up, fastest far from the
+// origin; when too little is left, it is measured again, also at the root if the first turn reports not_clear.
 //
 // The rendered cubic deviates from its control polygon (rendered_segment.h). A strand whose cubic penetrates a
 // collider by more than the tolerance is solved again with smaller turns; if that does not help, it is laid
@@ -97,7 +97,7 @@ struct StrandJob {
     size_t strand;
     const double* radius; // [cvs]
     double offset;        // height of the root above the skin
-    double rounding;      // distance by which storing may move a CV
+    double rounding;      // bound on the rounding of a stored coordinate; a CV moves by less than twice this
     double tolerance;
 };
 
@@ -150,8 +150,8 @@ bool next_segment(const CollideScratch& scratch, const Progress& progress, size_
     const Vec3d to_target = scratch.target[k + 1] - progress.start;
     const Vec3d goal =
         to_target.squaredNorm() > 1e-24 * length * length ? Vec3d(to_target.normalized()) : from;
-    const Vec3d to_tip = progress.rotation * (rest.back() - rest[k]);
-    segment = {progress.start, from, goal, to_tip, length, progress.free_distance};
+    const Vec3d lean = progress.rotation * (rest.back() - rest[k]);
+    segment = {progress.start, from, goal, lean, length, progress.free_distance};
     if (scratch.turn_fraction[k] < 1.0) {
         const Arc arc = arc_of(segment);
         const double angle = arc.angle * scratch.turn_fraction[k];
@@ -326,7 +326,8 @@ bool solve_strand(const CollideJob& job, const StrandJob& strand, CollideScratch
     return true;
 }
 
-// The CV at which the rendered cubic enters a collider by more than the tolerance; -1: none.
+// Of the first segment whose rendered cubic penetrates a collider by more than the tolerance: its CV with the
+// sharper kink; -1: none.
 int penetrating_cv(const CollideJob& job, const StrandJob& strand, CollideScratch& scratch) {
     for (size_t k = 0; k < std::min(scratch.clear_from, scratch.solved.size() - 1); ++k) {
         const RenderedSegment rendered = rendered_segment(job, strand, scratch, k);

@@ -7,6 +7,7 @@
 // divided.
 #include "procedural/wind/turn.h"
 
+#include "procedural/values.h"
 #include "procedural/wind/near.h"
 
 #include <algorithm>
@@ -394,8 +395,8 @@ Arc arc_of(const Segment& segment) {
     double sine = axis.norm();
     if (sine <= opposed_sine && !(cosine > 0.0 && sine > 0.0)) {
         // Opposed or equal: use the plane of the strand's lean.
-        axis = a.cross(segment.tip_direction);
-        if (!(axis.squaredNorm() > 1e-12 * segment.tip_direction.squaredNorm())) {
+        axis = a.cross(segment.lean);
+        if (!(axis.squaredNorm() > 1e-12 * segment.lean.squaredNorm())) {
             Eigen::Index least;
             a.cwiseAbs().minCoeff(&least);
             axis = a.cross(Vec3d::Unit(least));

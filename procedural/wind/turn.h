@@ -13,7 +13,7 @@ namespace marram {
 // clearance_unverified).
 struct Segment {
     Vec3d pivot, from, goal; // directions are unit vectors
-    Vec3d tip_direction; // of the strand beyond it: picks the plane if from and goal are opposed; may be 0
+    Vec3d lean;              // to the tip, any length or 0: picks the plane if from and goal are opposed
     double length, clearance;
     bool clearance_unverified = false; // check the pivot's clearance
     bool rotated_by_parent = false;    // rotated by earlier turns, perhaps into a collider: test a ray first

@@ -31,7 +31,7 @@ Agreement compare(const Fur& fur, const oracle::TriangleSet& set, size_t stride)
         const double kept = trace.turned.clearance - margin;
         sum.not_free += !oracle::is_free(s.pivot, trace.turned.direction, s.length, kept, set);
         const oracle::SegmentTurn turn =
-            oracle::turn_segment(s.pivot, s.from, s.goal, s.tip_direction, s.length, s.clearance, set,
+            oracle::turn_segment(s.pivot, s.from, s.goal, s.lean, s.length, s.clearance, set,
                                  std::max(margin, 1e-7 * s.clearance));
         if (trace.turned.pushed_out || !turn.start_free) {
             ++sum.pushed_out;

@@ -89,7 +89,7 @@ Problem draw_problem(Draw& draw, Kind kind) {
              : ends == 3 ? Vec3d(s.from + log_uniform(draw, 1e-18, 1e-6) * draw.in_cube()).normalized()
              : ends == 4 ? s.from
                          : draw.direction();
-    s.tip_direction = scale * draw.direction();
+    s.lean = scale * draw.direction();
     s.clearance_unverified = draw.below(2) == 0;
     const Vec3d normal = arc_of(s).turning.normal;
     const int count = 1 + int(log_uniform(draw, 1.0, 40.0));
@@ -191,7 +191,7 @@ void print(const Problem& p) {
     std::printf(", ");
     vec(s.goal);
     std::printf(", ");
-    vec(s.tip_direction);
+    vec(s.lean);
     std::printf(", %.17g, %.17g, %s}\n", s.length, s.clearance, s.clearance_unverified ? "true" : "false");
     for (const Triangle& t : p.triangles) {
         std::printf("    {");

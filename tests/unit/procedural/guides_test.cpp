@@ -181,7 +181,7 @@ TEST(Guides, children_of_a_groom_have_their_shape_on_a_skin_that_turns) {
     Groom groom;
     groom.count = 300;
     groom.guides = settings;
-    groom.length = {0.0, set->longest()};
+    groom.length = {0.0, set->longest_child()};
     groom.width = 0.01;
     groom.cvs = 6;
     const std::vector<Root> roots = place_roots(groom, bind.surface(), [] { return false; }).roots;

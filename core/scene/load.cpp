@@ -58,7 +58,7 @@ std::optional<std::string> read_text_key(const toml::table& table, const char* k
     return {};
 }
 
-// "a terrain is a [[procedural]]"; "" if no table has items of this type.
+// What to do with a type of another table, such as a [[mesh]] of type "terrain"; "" if no table has it.
 std::string table_of_type(const std::string& type, const Schema& schema) {
     for (const auto& [kind, schemas] : {std::pair{"light", &schema.lights},
                                         {"material", &schema.materials},

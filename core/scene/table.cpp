@@ -48,10 +48,11 @@ std::string suggest_table(const std::string& name, const TableToRead& job, const
     for (const auto& [table, specs] :
          {std::pair{"camera", &schema.camera}, {"film", &schema.film}, {"wind", &schema.wind}})
         if (job.address != table && declares(*specs)) return fmt::format("move it to [{}]", table);
+    if (!job.address.empty()) return "";
     // A table inside one of these: "gusts" for "wind.gusts".
     for (const auto& [table, specs] : {std::pair{"film", &schema.film}, {"wind", &schema.wind}})
         for (const ParamSpec& spec : *specs)
-            if (job.address.empty() && spec.name.starts_with(name + "."))
+            if (spec.name.starts_with(name + "."))
                 return fmt::format("did you mean {}?", in_quotes(fmt::format("{}.{}", table, name)));
     return "";
 }

@@ -135,11 +135,11 @@ Ripple ripple_at(const SandSettings& settings, const ShadingPoint& at, const Foo
     std::optional<RippleField> given;
     if (const SurfaceRipples& own = at.ripples; own.wavelength > 0.0F) {
         point.gradient = own.gradient.cast<double>();
-        point.strength = double(own.share);
-        const double heading = double(own.heading);
+        point.strength = double(own.shaded_fraction);
+        const double heading = double(own.wind_heading);
         point.wind = {std::cos(heading), std::sin(heading)};
         if (point.strength > 0.0)
-            given.emplace(RippleSettings{double(own.wavelength), double(own.height), double(own.repose),
+            given.emplace(RippleSettings{double(own.wavelength), double(own.height), double(own.repose_angle),
                                          uint64_t(own.seed)});
     } else {
         const Vec3f up = at.normal.y() < 0.0F ? Vec3f(-at.normal) : at.normal; // flipped on the underside

@@ -16,9 +16,9 @@ namespace marram {
 // Ripples that a mesh provides by its attributes; they replace the ripples of the material.
 struct SurfaceRipples {
     Vec2f gradient = Vec2f::Zero(); // of the smooth ground, along x and z
-    float share = 0.0F;             // fraction of the ripple height that shading adds
-    float repose = 0.6F;            // radians
-    float wavelength = 0.0F, height = 0.0F, heading = 0.0F,
+    float shaded_fraction = 0.0F;   // fraction of the ripple height that shading adds
+    float repose_angle = 0.6F;      // radians
+    float wavelength = 0.0F, height = 0.0F, wind_heading = 0.0F,
           seed = 0.0F; // m, m, radians from +x to +z; wavelength 0: no ripples
 };
 

@@ -52,7 +52,8 @@ void make_all(Build& build, bool with_curves) {
         if (procedural.kind() == MARRAM_MESH) {
             const double start = wall_seconds(), colliders_before = build.stats.colliders;
             make_mesh(build, procedural, build.mesh_ids[i]);
-            build.stats.terrain += wall_seconds() - start - (build.stats.colliders - colliders_before);
+            build.stats.procedural_meshes +=
+                wall_seconds() - start - (build.stats.colliders - colliders_before);
             continue;
         }
         const uint32_t keys = motion_keys_of_curves(build, procedural);
@@ -65,7 +66,7 @@ void make_all(Build& build, bool with_curves) {
     build.stats.motion_keys = uint32_t(build.world.times.size());
     // The collider scene of all meshes: it detects penetrating strands, and gives the bounds if curves are
     // not traced.
-    const bool wanted = !build.settings.curves_bvh ||
+    const bool wanted = !build.settings.trace_curves ||
                         std::ranges::any_of(build.geometry.procedurals,
                                             [](const auto& p) { return p->kind() == MARRAM_CURVES; });
     std::vector<uint32_t> all(wanted ? build.world.meshes.size() : 0);
@@ -153,7 +154,7 @@ World build_world(SceneGeometry& geometry, const BuildSettings& settings, const 
     make_all(build, true);
     const double view_start = wall_seconds();
     make_render_meshes(build);
-    build.stats.terrain += wall_seconds() - view_start;
+    build.stats.procedural_meshes += wall_seconds() - view_start;
     world.scene = new_scene(build, MARRAM_SCENE_FILTER);
     for (uint32_t id = 0; id < world.meshes.size(); ++id) {
         rtcAttachGeometryByID(world.scene.get(), mesh_geometry(build, id), id);
@@ -162,11 +163,11 @@ World build_world(SceneGeometry& geometry, const BuildSettings& settings, const 
     attach_curves(build);
 
     const double bvh_begin = wall_seconds();
-    if (settings.curves_bvh) commit(build, world.scene.get(), "building the BVH");
+    if (settings.trace_curves) commit(build, world.scene.get(), "building the BVH");
     mark_round_pieces(world);
-    stats.curves_bvh += wall_seconds() - bvh_begin;
+    stats.bvh += wall_seconds() - bvh_begin;
     RTCBounds bounds{};
-    rtcGetSceneBounds(settings.curves_bvh ? world.scene.get() : world.colliders.get(), &bounds);
+    rtcGetSceneBounds(settings.trace_curves ? world.scene.get() : world.colliders.get(), &bounds);
     world.bounds = Box3f(Vec3f(bounds.lower_x, bounds.lower_y, bounds.lower_z),
                          Vec3f(bounds.upper_x, bounds.upper_y, bounds.upper_z));
     for (const auto& procedural : geometry.procedurals) take_warnings(build, *procedural); // from pose()

@@ -55,7 +55,7 @@ struct BuildSettings {
     View view;
     std::optional<CameraSamples> camera; // none: growth surfaces are rendered
     std::vector<std::string> attributes; // of curves, by name; ignored if a procedural does not have them
-    bool curves_bvh = true;              // false: curves are made but not traced (baking)
+    bool trace_curves = true;            // false: curves are made but not traced (baking)
     // Straight pieces per segment; 0: trace the cubic; -1: the tolerance chooses (curve_pieces.h).
     int curve_pieces = -1;
     std::string state_folder; // for the states of simulations; "": keep them in memory for this run
@@ -69,9 +69,9 @@ struct BuildProgress {
 
 struct BuildStats {
     // Wall seconds.
-    double terrain = 0.0;    // meshes made by procedurals of any type, and their render meshes
-    double colliders = 0.0;  // the scene's meshes and collider scenes
-    double curves_bvh = 0.0; // attaching curves, their straight pieces, and the BVH of the world
+    double procedural_meshes = 0.0; // made by procedurals of any type, and their render meshes
+    double colliders = 0.0;         // the scene's meshes and collider scenes
+    double bvh = 0.0;               // attaching curves, their straight pieces, and the BVH of the world
     // What procedurals reported. The wall time of making curves is split over "seconds.<stage>" in proportion
     // to their thread seconds.
     Report report;

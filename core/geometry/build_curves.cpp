@@ -141,7 +141,7 @@ void allocate(Build& build, CurveBuild& item) {
 
 // True if the tolerance, not film.curve_pieces, chooses the number of straight pieces (linear segments).
 bool tolerance_chooses_pieces(const MarramOutput& output, const BuildSettings& settings) {
-    return settings.curves_bvh && settings.curve_pieces < 0 && !output.offsets &&
+    return settings.trace_curves && settings.curve_pieces < 0 && !output.offsets &&
            output.shape != MARRAM_ORIENTED_RIBBON;
 }
 
@@ -441,12 +441,12 @@ void attach_curves(Build& build) {
         for (const MarramPatch& p : item.patches)
             build.stats.patch_bounds.emplace_back(Vec3f(p.lower), Vec3f(p.upper));
         const auto id = unsigned(build.world.meshes.size() + build.world.curves.size());
-        if (build.settings.curves_bvh && item.output.curve_count > 0)
+        if (build.settings.trace_curves && item.output.curve_count > 0)
             attach(build, item, id, allow_round_pieces);
         build.curves.push_back(item.geometry);
         build.world.curves.push_back(std::move(item.curves));
     }
-    build.stats.curves_bvh += wall_seconds() - begin;
+    build.stats.bvh += wall_seconds() - begin;
 }
 
 } // namespace marram

@@ -145,10 +145,10 @@ void add_declared(const Shot& shot, DialList& list) {
 
 double seconds_of(const Dial& dial, const FrameStats& stats) {
     if (dial.time == "trace") return stats.trace;
-    if (dial.time == "terrain" || dial.time == "view") return stats.build.terrain;
+    if (dial.time == "terrain" || dial.time == "view") return stats.build.procedural_meshes;
     const double strands = strand_seconds(stats.build.report);
     if (dial.time == "strands") return strands;
-    if (dial.time == "strands and BVH") return strands + stats.build.curves_bvh;
+    if (dial.time == "strands and BVH") return strands + stats.build.bvh;
     return stats.build.report("seconds." + dial.time);
 }
 

@@ -41,8 +41,8 @@ struct Session {
 World build(Shot& shot, const Dial& dial, const Session& session, FrameStats& stats) {
     BuildSettings settings = build_settings(shot, session.frame);
     if (dial.error != DialError::motion) settings.shutter_open = settings.shutter_close = 0.0;
-    settings.curves_bvh = dial.time == "strands and BVH" || dial.error == DialError::image ||
-                          dial.error == DialError::view; // rays are traced
+    settings.trace_curves = dial.time == "strands and BVH" || dial.error == DialError::image ||
+                            dial.error == DialError::view; // rays are traced
     if (dial.error == DialError::view) settings.camera = camera_samples(shot, session.frame);
     settings.attributes =
         dial.error == DialError::image ? wanted_attributes(shot, {}) : std::vector<std::string>{};

@@ -187,19 +187,19 @@ float tint_weight_at(const RenderContext& context, const Material& material, con
     return attribute->discrete ? unit_float(mix32(std::bit_cast<uint32_t>(value))) : value;
 }
 
-// Ripples from the attributes of a mesh. Components of the first attribute: gradient along x and z, share,
-// repose; of the second: wavelength, height, heading, seed.
+// Ripples from the attributes of a mesh. Components of the first attribute: gradient along x and z,
+// shaded fraction, angle of repose; of the second: wavelength, height, wind heading, seed.
 SurfaceRipples mesh_ripples(const RenderContext& context, const SurfacePoint& hit) {
     const auto& [slope_attribute, wave_attribute] = context.ripples[hit.geometry];
     if (!slope_attribute) return {};
     const std::array<float, 4> slope = value_at(context, *slope_attribute, hit),
                                wave = value_at(context, *wave_attribute, hit);
     return {.gradient = {slope[0], slope[1]},
-            .share = slope[2],
-            .repose = slope[3],
+            .shaded_fraction = slope[2],
+            .repose_angle = slope[3],
             .wavelength = wave[0],
             .height = wave[1],
-            .heading = wave[2],
+            .wind_heading = wave[2],
             .seed = wave[3]};
 }
 

@@ -103,7 +103,7 @@ BuildSettings build_settings_for_bake(const Shot& shot, const BakeSettings& sett
     BuildSettings build = build_settings(shot, frame);
     build.shutter_open = build.shutter_close = 0.0; // no motion samples
     build.stage = stage_of(settings.stage);
-    build.curves_bvh = false;
+    build.trace_curves = false;
     build.camera.reset(); // growth surfaces, not render meshes
     build.attributes = settings.attributes;
     build.attributes.emplace_back("id");

@@ -59,7 +59,7 @@ std::string scene_summary(Shot& shot, const std::atomic<bool>& cancel) {
     }
     const BuildSettings settings = build_settings(shot, shot.description.globals.vec2("frames").x());
     BuildSettings still = settings; // no motion: only counts are needed
-    still.curves_bvh = false;
+    still.trace_curves = false;
     still.shutter_open = still.shutter_close = 0.0;
     BuildProgress progress;
     BuildStats stats;

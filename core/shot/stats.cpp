@@ -44,8 +44,8 @@ nlohmann::ordered_json to_json(const FrameStats& stats) {
     json["cvs"] = build.cvs;
     json["segments"] = build.segments;
     json["triangles"] = build.triangles;
-    json["seconds"] = {{"load", stats.load},           {"terrain", build.terrain},
-                       {"colliders", build.colliders}, {"curves_bvh", build.curves_bvh},
+    json["seconds"] = {{"load", stats.load},           {"procedural_meshes", build.procedural_meshes},
+                       {"colliders", build.colliders}, {"bvh", build.bvh},
                        {"trace", stats.trace},         {"total", stats.total}};
     json["motion"] = {{"keys", build.motion_keys}, // error: metres, predicted when the keys were chosen
                       {"error", build.motion_error},

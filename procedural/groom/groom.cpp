@@ -291,7 +291,7 @@ MarramStatus place(GroomInstance& instance) {
     const auto cancelled = [&] { return instance.host.cancelled(instance.host.user) != 0; };
     PlacedRoots placed = place_roots(instance.groom, instance.poses(0).bind, cancelled);
     instance.roots = std::move(placed.roots);
-    instance.placing_bytes = placed.peak_bytes;
+    instance.placing_peak_bytes = placed.peak_bytes;
     if (cancelled()) return MARRAM_CANCELLED;
     warn_of_no_strands(instance);
     if (const MarramStatus status = build_guides(instance, cancelled); status != MARRAM_OK) return status;
@@ -499,7 +499,7 @@ void report(MarramInstance* opaque, void (*sink)(void*, const char*, double), vo
                            instance.blends.capacity() * sizeof(GuideBlend) +
                            (instance.guides ? instance.guides->bytes() : 0) + instance.past.bytes() +
                            instance.trees.bytes() + instance.chain.gust_bytes() + scratch;
-    sink(user, "memory.curve_extra_bytes", double(std::max(lasting, instance.placing_bytes)));
+    sink(user, "memory.curve_extra_bytes", double(std::max(lasting, instance.placing_peak_bytes)));
     if (instance.mesh_instances.size() < 2) return;
     sink(user, "instances.count", double(instance.mesh_instances.size() - 1));
     sink(user, "instances.shared_bytes",

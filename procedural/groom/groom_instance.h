@@ -63,7 +63,7 @@ struct GroomInstance {
     GuideMotion guide_motion;
     bool placed = false;
     double placing_seconds = 0.0, prepare_seconds = 0.0; // wall time within begin
-    size_t placing_bytes = 0;
+    size_t placing_peak_bytes = 0;
 
     bool begun = false;              // a frame has begun without errors
     std::optional<double> announced; // the frame for which long work was announced

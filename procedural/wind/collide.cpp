@@ -155,7 +155,7 @@ bool next_segment(const CollideScratch& scratch, const Progress& progress, size_
     if (scratch.turn_fraction[k] < 1.0) {
         const Arc arc = arc_of(segment);
         const double angle = arc.angle * scratch.turn_fraction[k];
-        segment.goal = arc.turning.direction(std::cos(angle), std::sin(angle)).normalized();
+        segment.goal = arc.capsule.direction(std::cos(angle), std::sin(angle)).normalized();
     }
     return true;
 }
@@ -298,7 +298,7 @@ bool solve_strand(const CollideJob& job, const StrandJob& strand, CollideScratch
             if (segment.clearance < std::max(min_clearance, 1e-6 * segment.length))
                 segment.clearance = measured_clearance(*job.colliders, segment.pivot, wanted);
             segment.clearance_unverified = progress.start == scratch.rest[0];
-            segment.rotated_by_parent = k > 0;
+            segment.test_ray_first = k > 0;
             turned = segment.clearance > min_clearance
                          ? turn_exactly(*job.colliders, segment, scratch.turn)
                          : Turned{segment.from, Outcome::unresolved, false, 0.0};

@@ -54,7 +54,7 @@ MARRAM_INLINE void take(Touches& touches, VDouble cosine, VDouble sine, VLong va
     touches.negative_last = vmin(touches.negative_last, select(negative, -p, infinity));
 }
 
-struct alignas(64) Plane8 { // the turning, for eight lanes
+struct alignas(64) Plane8 { // the capsule, for eight lanes
     Wide3d from, across;
     VDouble length, clearance;
 };
@@ -237,17 +237,18 @@ void take_one(Touches& touches, int lane, double t) {
     }
 }
 
-void end_touches(const Turning& turning, const Vec3d& v, const Vec3d& other, Touches& touches, int lane) {
+void end_touches(const TurningCapsule& capsule, const Vec3d& v, const Vec3d& other, Touches& touches,
+                 int lane) {
     const double size = (other - v).norm();
     if (!(size > 0.0)) return;
     const Vec3d e = (other - v) / size;
-    const double l = turning.length, c = turning.clearance;
+    const double l = capsule.length, c = capsule.clearance;
     const Vec3d across = v - e * v.dot(e); // from the pivot to the line, perpendicular to it
     EndOnEdge f{};
-    f.ea = e.dot(turning.from) * l;
-    f.eb = e.dot(turning.across) * l;
-    f.p = -2.0 * l * across.dot(turning.from);
-    f.q = -2.0 * l * across.dot(turning.across);
+    f.ea = e.dot(capsule.from) * l;
+    f.eb = e.dot(capsule.across) * l;
+    f.p = -2.0 * l * across.dot(capsule.from);
+    f.q = -2.0 * l * across.dot(capsule.across);
     f.k = across.squaredNorm() + l * l - c * c;
     f.curvature = std::hypot(f.p, f.q) + 2.0 * (f.ea * f.ea + f.eb * f.eb);
     if (!(f.curvature > 0.0)) return;
@@ -278,11 +279,11 @@ void end_touches(const Turning& turning, const Vec3d& v, const Vec3d& other, Tou
 
 Vec3d lane_of(const Wide3d& v, int lane) { return {v.x[lane], v.y[lane], v.z[lane]}; }
 
-MARRAM_HOT void touches_of(const Turning& turning, const Triangles8& triangles, Touches& touches,
+MARRAM_HOT void touches_of(const TurningCapsule& capsule, const Triangles8& triangles, Touches& touches,
                            VLong& end_edges) {
-    const Plane8 plane{splat3(turning.from.data()), splat3(turning.across.data()), splat(turning.length),
-                       splat(turning.clearance)};
-    const Wide3d normal = splat3(turning.normal.data());
+    const Plane8 plane{splat3(capsule.from.data()), splat3(capsule.across.data()), splat(capsule.length),
+                       splat(capsule.clearance)};
+    const Wide3d normal = splat3(capsule.normal.data());
     touches = {splat(infinity), splat(-infinity), splat(-infinity), splat(infinity)};
     face_touches(plane, triangles, touches);
     end_edges = VLong{};
@@ -303,17 +304,17 @@ struct Wedge {
     bool narrow;          // at most half a turn wide
 };
 
-Wedge wedge_of(const Turning& turning, double begin, double end) {
+Wedge wedge_of(const TurningCapsule& capsule, double begin, double end) {
     const Vec2d b = from_diamond(begin), e = from_diamond(end);
-    Wedge wedge{turning.direction(b.x(), b.y()),
-                turning.direction(e.x(), e.y()),
+    Wedge wedge{capsule.direction(b.x(), b.y()),
+                capsule.direction(e.x(), e.y()),
                 Vec3d::Zero(),
                 Vec3d::Zero(),
                 Vec3d::Zero(),
                 end - begin <= 2.0};
     if (!wedge.narrow) return wedge;
-    wedge.behind = turning.from * b.y() - turning.across * b.x();
-    wedge.beyond = turning.across * e.x() - turning.from * e.y();
+    wedge.behind = capsule.from * b.y() - capsule.across * b.x();
+    wedge.beyond = capsule.across * e.x() - capsule.from * e.y();
     const Vec3d middle = wedge.begin + wedge.end;
     if (middle.squaredNorm() > 1e-6)
         wedge.back = -middle.normalized(); // else it is half a turn and has no half-space behind it
@@ -326,12 +327,12 @@ struct alignas(64) Wedge8 {
     VDouble length, clearance; // with a margin for rounding
     bool narrow;
 
-    MARRAM_INLINE Wedge8(const Turning& turning, const Wedge& wedge)
+    MARRAM_INLINE Wedge8(const TurningCapsule& capsule, const Wedge& wedge)
         : begin(splat3(wedge.begin.data())), end(splat3(wedge.end.data())),
           behind(splat3(wedge.behind.data())), beyond(splat3(wedge.beyond.data())),
-          from(splat3(turning.from.data())), across(splat3(turning.across.data())),
-          length(splat(turning.length)),
-          clearance(splat(turning.clearance * (1.0 + rounding) + turning.length * rounding)),
+          from(splat3(capsule.from.data())), across(splat3(capsule.across.data())),
+          length(splat(capsule.length)),
+          clearance(splat(capsule.clearance * (1.0 + rounding) + capsule.length * rounding)),
           narrow(wedge.narrow) {}
 
     // Extent of the sector along n: at the pivot, at one of its ends, or where n itself points into it.
@@ -349,11 +350,11 @@ struct alignas(64) Wedge8 {
 // `may`: the triangles that may be touched within the wedge. Excludes those entirely on the far side of one
 // of its half-spaces or of the plane of the turn, and those whose own plane has the sector on one side,
 // farther away than the clearance.
-MARRAM_HOT void may_touch(const Turning& turning, const Wedge& wedge, const Triangles8& triangles,
+MARRAM_HOT void may_touch(const TurningCapsule& capsule, const Wedge& wedge, const Triangles8& triangles,
                           VLong& may) {
-    const Wedge8 wide(turning, wedge);
+    const Wedge8 wide(capsule, wedge);
     const VDouble c = wide.clearance;
-    const Wide3d normal = splat3(turning.normal.data()), back = splat3(wedge.back.data());
+    const Wide3d normal = splat3(capsule.normal.data()), back = splat3(wedge.back.data());
     VLong above = all_lanes, below = above, before = above, after = above, backwards = above;
     for (const Wide3d& v : triangles.corner) {
         const VDouble h = dot(v, normal);
@@ -373,9 +374,9 @@ MARRAM_HOT void may_touch(const Turning& turning, const Wedge& wedge, const Tria
 
 // The same with the plane perpendicular to the shortest vector from the segment at the wedge's end: it
 // separates triangles that lie beside the point of contact.
-MARRAM_HOT void may_touch_at_end(const Turning& turning, const Wedge& wedge, const Triangles8& triangles,
-                                 VLong& may) {
-    const Wedge8 wide(turning, wedge);
+MARRAM_HOT void may_touch_at_end(const TurningCapsule& capsule, const Wedge& wedge,
+                                 const Triangles8& triangles, VLong& may) {
+    const Wedge8 wide(capsule, wedge);
     const Wide3d n = shortest_vector(Wide3d{}, wide.end * wide.length, triangles).v;
     const VDouble nearest =
         vmin(dot(n, triangles.corner[0]), vmin(dot(n, triangles.corner[1]), dot(n, triangles.corner[2])));
@@ -420,10 +421,10 @@ MARRAM_HOT bool clear_of_pivot(std::span<Triangles8> triangles, double clearance
 namespace {
 
 // First angle at which an edge crosses the plane of the turn within the segment's length.
-MARRAM_HOT void first_crossing(const Turning& turning, const Triangles8& t, VDouble& first) {
-    const Wide3d normal = splat3(turning.normal.data());
-    const Wide3d from = splat3(turning.from.data()), across = splat3(turning.across.data());
-    const VDouble ll = splat(turning.length * turning.length);
+MARRAM_HOT void first_crossing(const TurningCapsule& capsule, const Triangles8& t, VDouble& first) {
+    const Wide3d normal = splat3(capsule.normal.data());
+    const Wide3d from = splat3(capsule.from.data()), across = splat3(capsule.across.data());
+    const VDouble ll = splat(capsule.length * capsule.length);
     VDouble h[3], a[3], b[3];
     for (int i = 0; i < 3; ++i) {
         h[i] = dot(t.corner[i], normal);
@@ -445,9 +446,9 @@ MARRAM_HOT void first_crossing(const Turning& turning, const Triangles8& t, VDou
 
 // First angle at which a vertex touches. A vertex v blocks the angles t with v . u(t) > reach, see above:
 // those around its direction.
-MARRAM_HOT void first_vertex(const Turning& turning, const Triangles8& triangles, VDouble& first) {
-    const Wide3d from = splat3(turning.from.data()), across = splat3(turning.across.data());
-    const VDouble l = splat(turning.length), ll = l * l, cc = splat(turning.clearance * turning.clearance);
+MARRAM_HOT void first_vertex(const TurningCapsule& capsule, const Triangles8& triangles, VDouble& first) {
+    const Wide3d from = splat3(capsule.from.data()), across = splat3(capsule.across.data());
+    const VDouble l = splat(capsule.length), ll = l * l, cc = splat(capsule.clearance * capsule.clearance);
     const VDouble zero{}, one = splat(1.0);
     for (const Wide3d& v : triangles.corner) {
         const VDouble q = dot(v, v) - cc;
@@ -469,10 +470,10 @@ MARRAM_HOT void first_vertex(const Turning& turning, const Triangles8& triangles
 
 // Upper bound on the first contact with any of them: where a vertex touches or, on coarse meshes, where the
 // axis of the segment meets an edge; `end` if neither does.
-double contact_upper_bound(const Turning& turning, double end, std::span<Triangles8> triangles) {
+double contact_upper_bound(const TurningCapsule& capsule, double end, std::span<Triangles8> triangles) {
     for (const auto bound : {first_vertex, first_crossing}) {
         VDouble first = splat(end);
-        for (const Triangles8& t : triangles) bound(turning, t, first);
+        for (const Triangles8& t : triangles) bound(capsule, t, first);
         double least = end;
         for (int i = 0; i < lanes; ++i) least = std::min(least, double(first[i]));
         if (least < end) return least;
@@ -484,9 +485,9 @@ double contact_upper_bound(const Turning& turning, double end, std::span<Triangl
 // reduce `end`, which skips triangles still to come, or return false to stop. At the call the triangle is in
 // a lane of `dense`.
 template <typename Take>
-void each_blocked(const Turning& turning, double begin, double end, std::span<Triangles8> triangles,
+void each_blocked(const TurningCapsule& capsule, double begin, double end, std::span<Triangles8> triangles,
                   size_t count, bool late, Triangles8& dense, Take&& take) {
-    Wedge wedge = wedge_of(turning, begin, end);
+    Wedge wedge = wedge_of(capsule, begin, end);
     int filled = 0;
     const auto flush = [&] {
         if (filled == 0) return true;
@@ -498,7 +499,7 @@ void each_blocked(const Turning& turning, double begin, double end, std::span<Tr
             }
         Touches touches;
         VLong end_edges;
-        touches_of(turning, dense, touches, end_edges);
+        touches_of(capsule, dense, touches, end_edges);
         const double before = end;
         Blocked blocked{};
         if (late) {
@@ -507,7 +508,7 @@ void each_blocked(const Turning& turning, double begin, double end, std::span<Tr
                 if (interval_of(touches, lane, blocked) && !take(blocked, lane, end)) return false;
             if (any(end_edges)) {
                 VLong may = all_lanes;
-                may_touch_at_end(turning, wedge_of(turning, begin, end), dense, may);
+                may_touch_at_end(capsule, wedge_of(capsule, begin, end), dense, may);
                 end_edges &= may;
             }
         }
@@ -515,18 +516,18 @@ void each_blocked(const Turning& turning, double begin, double end, std::span<Tr
             if (late && end_edges[lane] == 0) continue;
             for (int i = 0; i < 3; ++i)
                 if (end_edges[lane] & (1 << i)) [[unlikely]]
-                    end_touches(turning, lane_of(dense.corner[i], lane),
+                    end_touches(capsule, lane_of(dense.corner[i], lane),
                                 lane_of(dense.corner[(i + 1) % 3], lane), touches, lane);
             if (interval_of(touches, lane, blocked) && !take(blocked, lane, end)) return false;
         }
         filled = 0;
-        if (end < before) wedge = wedge_of(turning, begin, end);
+        if (end < before) wedge = wedge_of(capsule, begin, end);
         return true;
     };
     for (size_t i = 0; i < triangles.size(); ++i) {
         VLong may;
-        may_touch(turning, wedge, triangles[i], may);
-        if (late && any(may)) may_touch_at_end(turning, wedge, triangles[i], may);
+        may_touch(capsule, wedge, triangles[i], may);
+        if (late && any(may)) may_touch_at_end(capsule, wedge, triangles[i], may);
         if (!any(may)) continue;
         const int used = int(std::min<size_t>(count - i * lanes, lanes));
         for (int lane = 0; lane < used; ++lane) {
@@ -544,26 +545,26 @@ void each_blocked(const Turning& turning, double begin, double end, std::span<Tr
 
 } // namespace
 
-void blocked_turns(const Turning& turning, double begin, double end, std::span<Triangles8> triangles,
+void blocked_turns(const TurningCapsule& capsule, double begin, double end, std::span<Triangles8> triangles,
                    size_t count, std::vector<Blocked>& out) {
     Triangles8 dense;
-    each_blocked(turning, begin, end, triangles, count, false, dense,
+    each_blocked(capsule, begin, end, triangles, count, false, dense,
                  [&](const Blocked& blocked, int, double&) {
                      out.push_back(blocked);
                      return true;
                  });
 }
 
-bool first_blocked(const Turning& turning, double end, TriangleList& triangles, FirstBlocked& found) {
+bool first_blocked(const TurningCapsule& capsule, double end, TriangleList& triangles, FirstBlocked& found) {
     double& first = found.turn;
     first = infinity;
     TriangleList& near = found.near;
     near.clear();
-    const Wedge wedge = wedge_of(turning, 0.0, end);
+    const Wedge wedge = wedge_of(capsule, 0.0, end);
     const std::span<Triangles8> all = triangles.blocks();
     for (size_t i = 0; i < all.size(); ++i) {
         VLong may;
-        may_touch(turning, wedge, all[i], may);
+        may_touch(capsule, wedge, all[i], may);
         if (!any(may)) continue;
         for (size_t lane = 0; lane < lanes && i * lanes + lane < triangles.size(); ++lane)
             if (may[lane]) near.push(all[i], int(lane));
@@ -571,9 +572,9 @@ bool first_blocked(const Turning& turning, double end, TriangleList& triangles, 
     if (near.size() == 0) return false;
     for (Vec3d& corner : found.corner) corner.setConstant(std::numeric_limits<double>::quiet_NaN());
     double certain = end;
-    if (near.size() > 1) certain = contact_upper_bound(turning, end, near.blocks());
+    if (near.size() > 1) certain = contact_upper_bound(capsule, end, near.blocks());
     Triangles8 dense;
-    each_blocked(turning, 0.0, certain, near.blocks(), near.size(), certain < end, dense,
+    each_blocked(capsule, 0.0, certain, near.blocks(), near.size(), certain < end, dense,
                  [&](const Blocked& blocked, int lane, double& nearer) {
                      if (blocked.low < first) {
                          first = blocked.low;

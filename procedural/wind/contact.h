@@ -13,7 +13,7 @@ namespace marram {
 // A capsule of radius `clearance` around a segment that rotates about the origin in a plane: at angle t the
 // segment runs from 0 to length * (from cos t + across sin t). `from`, `across` and `normal` = from x across
 // are orthonormal.
-struct Turning {
+struct TurningCapsule {
     Vec3d from, across, normal;
     double length, clearance; // > 0
 
@@ -92,7 +92,7 @@ struct Blocked {
 // tested exactly: the ends are good to 1e-12 + 1e-15 * distance / clearance except at grazing contact, where
 // the distance is good to 1e-10 lengths. The pivot must be clear of every triangle. Cost: about 5 ns for a
 // distant triangle, 60 ns for a close one.
-void blocked_turns(const Turning& turning, double begin, double end, std::span<Triangles8> triangles,
+void blocked_turns(const TurningCapsule& capsule, double begin, double end, std::span<Triangles8> triangles,
                    size_t count, std::vector<Blocked>& out);
 
 struct FirstBlocked {
@@ -102,7 +102,7 @@ struct FirstBlocked {
 };
 
 // The first angle in [0, end] that a triangle blocks. False: there is none.
-bool first_blocked(const Turning& turning, double end, TriangleList& triangles, FirstBlocked& found);
+bool first_blocked(const TurningCapsule& capsule, double end, TriangleList& triangles, FirstBlocked& found);
 
 // True: the pivot is farther than `clearance` from every triangle. False: it may be closer (a coarse test of
 // planes and boxes).

@@ -28,18 +28,18 @@ struct Part { // of a sector, in angles
 };
 
 // Corners of a polygon around the arc, in pieces of at most a sixth of a full turn.
-SearchRegion sector(const Vec3d& pivot, const Turning& turning, const Part& part, double radius) {
+SearchRegion sector(const Vec3d& pivot, const TurningCapsule& capsule, const Part& part, double radius) {
     SearchRegion region(radius);
     region.add(pivot);
-    region.limit_to_slab(turning.normal);
+    region.limit_to_slab(capsule.normal);
     const int pieces = std::max(int(std::ceil((part.end - part.begin) * (3.0 / pi))), 1);
-    const double half = 0.5 * (part.end - part.begin) / pieces, beyond = turning.length / std::cos(half);
+    const double half = 0.5 * (part.end - part.begin) / pieces, beyond = capsule.length / std::cos(half);
     const auto add = [&](double angle, double distance) {
-        region.add(pivot + turning.direction(std::cos(angle), std::sin(angle)) * distance);
+        region.add(pivot + capsule.direction(std::cos(angle), std::sin(angle)) * distance);
     };
-    add(part.begin, turning.length);
+    add(part.begin, capsule.length);
     for (int i = 0; i < pieces; ++i) add(part.begin + (2 * i + 1) * half, beyond);
-    add(part.end, turning.length);
+    add(part.end, capsule.length);
     return region;
 }
 
@@ -82,7 +82,7 @@ constexpr double pivot_check_factor = 1.1; // an unverified pivot must be free b
 
 Sweep sweep(const Colliders& colliders, const Segment& segment, const Arc& arc, TurnScratch& scratch) {
     Sweep result{false, false, std::numeric_limits<double>::infinity(), Vec2d::Zero()};
-    const double reach = search_radius(arc.turning.clearance, segment.length);
+    const double reach = search_radius(arc.capsule.clearance, segment.length);
     double end = diamond_of_angle(arc.angle); // in diamond units (contact.h), as FirstBlocked::turn
     Part parts[max_halvings + 1];
     int top = 0;
@@ -91,7 +91,7 @@ Sweep sweep(const Colliders& colliders, const Segment& segment, const Arc& arc, 
         const Part part = parts[--top];
         if (part.begin > result.first) break;
         const bool clearance_unverified = segment.clearance_unverified && part.begin == 0.0;
-        const SearchRegion region = sector(segment.pivot, arc.turning, part,
+        const SearchRegion region = sector(segment.pivot, arc.capsule, part,
                                            clearance_unverified ? pivot_check_factor * reach : reach);
         if (!gather(colliders, region, part.cuts < max_halvings ? max_clusters : SIZE_MAX, scratch)) {
             const double middle = 0.5 * (part.begin + part.end);
@@ -105,7 +105,7 @@ Sweep sweep(const Colliders& colliders, const Segment& segment, const Arc& arc, 
             result.not_clear = true;
             return result;
         }
-        if (first_blocked(arc.turning, end, scratch.triangles, scratch.first)) {
+        if (first_blocked(arc.capsule, end, scratch.triangles, scratch.first)) {
             end = scratch.first.turn;
             if (end < 0.0) {
                 result.blocked_at_start = true;
@@ -158,14 +158,14 @@ bool ray_confirms_blocked(const Colliders& colliders, const Segment& segment, Tu
 }
 
 // If angle 0 is blocked: the exact angle at which the blocked interval ends, if before `end`; else infinity.
-double blocked_interval_end(const Colliders& colliders, const Vec3d& pivot, const Turning& turning,
+double blocked_interval_end(const Colliders& colliders, const Vec3d& pivot, const TurningCapsule& capsule,
                             double end, TurnScratch& scratch) {
-    gather(colliders, sector(pivot, turning, {0.0, end, 0}, search_radius(turning.clearance, turning.length)),
+    gather(colliders, sector(pivot, capsule, {0.0, end, 0}, search_radius(capsule.clearance, capsule.length)),
            SIZE_MAX, scratch);
     const double last = diamond_of_angle(end);
     std::vector<Blocked>& blocked = scratch.blocked;
     blocked.clear();
-    blocked_turns(turning, 0.0, last, scratch.triangles.blocks(), scratch.triangles.size(), blocked);
+    blocked_turns(capsule, 0.0, last, scratch.triangles.blocks(), scratch.triangles.size(), blocked);
     std::sort(blocked.begin(), blocked.end(),
               [](const Blocked& a, const Blocked& b) { return a.low < b.low; });
     double up = 0.0; // diamond units, as Blocked
@@ -192,7 +192,7 @@ Vec2d out_step(int i) { // cosine and sine of step i
 // the blocked range without clearance. From two steps beyond the last blocked one, or from `most`, the
 // segment turns back until contact. Returns the angle turned; more than pi: the plane has no free direction
 // within `most`.
-double turn_out_in_plane(const Colliders& colliders, const Segment& segment, const Turning& turning,
+double turn_out_in_plane(const Colliders& colliders, const Segment& segment, const TurningCapsule& capsule,
                          double most, TurnScratch& scratch, Vec3d& direction) {
     constexpr double step = pi / push_out_steps;
     constexpr double none = 2.0 * pi;
@@ -203,32 +203,32 @@ double turn_out_in_plane(const Colliders& colliders, const Segment& segment, con
         const double sign = side == 0 ? 1.0 : -1.0, from = blocked[side] * step;
         if (from >= std::min({least, most, pi})) return least;
         const Vec2d next = out_step(blocked[side] + 1);
-        if (ray_meets(colliders, segment.pivot, turning.direction(next.x(), sign * next.y()),
+        if (ray_meets(colliders, segment.pivot, capsule.direction(next.x(), sign * next.y()),
                       segment.length)) {
             ++blocked[side];
             continue;
         }
         // Two steps further the segment is usually free, and the way back is short: finding the contact needs
         // far fewer triangles than finding the end of the blocked interval.
-        const auto at = [&](double turn) { return turning.direction(std::cos(turn), sign * std::sin(turn)); };
+        const auto at = [&](double turn) { return capsule.direction(std::cos(turn), sign * std::sin(turn)); };
         const double free = std::min(from + 2.0 * step, most);
         const bool last = free == most; // must itself be free; otherwise no free direction is closer
         if (last && ray_meets(colliders, segment.pivot, at(free), segment.length)) {
             blocked[side] = 2 * push_out_steps;
             continue;
         }
-        Arc back{turning, free - from};
-        back.turning.from = at(free).normalized();
-        back.turning.normal = turning.normal * -sign;
-        back.turning.across = back.turning.normal.cross(back.turning.from);
+        Arc back{capsule, free - from};
+        back.capsule.from = at(free).normalized();
+        back.capsule.normal = capsule.normal * -sign;
+        back.capsule.across = back.capsule.normal.cross(back.capsule.from);
         const Sweep found = sweep(colliders, segment, back, scratch);
         double turned = free - found.first;
         if (found.blocked_at_start && last) {
             turned = none;
         } else if (found.blocked_at_start) {
-            Turning remaining = turning;
+            TurningCapsule remaining = capsule;
             remaining.from = at(from).normalized();
-            remaining.normal = turning.normal * sign;
+            remaining.normal = capsule.normal * sign;
             remaining.across = remaining.normal.cross(remaining.from);
             turned = from + blocked_interval_end(colliders, segment.pivot, remaining, free - from, scratch);
         } else if (found.first > back.angle) {
@@ -250,14 +250,14 @@ double turn_out_in_plane(const Colliders& colliders, const Segment& segment, con
 // Straight out: the plane of `from` and the direction from the closest point to the pivot, which is outside.
 // If the goal is close to `from`, the plane of the arc is almost arbitrary. A push-out in it alone makes
 // strands curl sideways and jump from frame to frame.
-bool plane_straight_out(const Colliders& colliders, const Segment& segment, Turning& turning) {
+bool plane_straight_out(const Colliders& colliders, const Segment& segment, TurningCapsule& capsule) {
     const NearestTriangle nearest = nearest_triangle(colliders, segment.pivot, segment.length);
     if (!nearest.mesh) return false;
     const Vec3d away = segment.pivot - nearest.point;
     const Vec3d across = away - segment.from * away.dot(segment.from);
     if (!(across.squaredNorm() > 1e-12 * away.squaredNorm())) return false;
-    turning.across = across.normalized();
-    turning.normal = turning.from.cross(turning.across).normalized();
+    capsule.across = across.normalized();
+    capsule.normal = capsule.from.cross(capsule.across).normalized();
     return true;
 }
 
@@ -266,19 +266,19 @@ bool turn_out(const Colliders& colliders, const Segment& segment, const Arc& arc
               TurnScratch& scratch, Vec3d& direction) {
     for (int i = 0; i < planes; ++i) {
         const double turn = pi / double(planes) * double(i % 2 == 0 ? -(i / 2) : (i + 1) / 2);
-        Turning turning = arc.turning;
-        turning.clearance = segment.clearance;
-        turning.across = arc.turning.across * std::cos(turn) + arc.turning.normal * std::sin(turn);
-        turning.normal = turning.from.cross(turning.across);
+        TurningCapsule capsule = arc.capsule;
+        capsule.clearance = segment.clearance;
+        capsule.across = arc.capsule.across * std::cos(turn) + arc.capsule.normal * std::sin(turn);
+        capsule.normal = capsule.from.cross(capsule.across);
         double least = 2.0 * pi;
         if (i == 0) {
-            Turning straight = turning;
+            TurningCapsule straight = capsule;
             if (plane_straight_out(colliders, segment, straight))
                 least = turn_out_in_plane(colliders, segment, straight, pi, scratch, direction);
         }
         Vec3d other;
         const double turned =
-            turn_out_in_plane(colliders, segment, turning, std::min(least, pi), scratch, other);
+            turn_out_in_plane(colliders, segment, capsule, std::min(least, pi), scratch, other);
         if (turned < least)
             direction = other;
         else if (least > pi)
@@ -300,7 +300,7 @@ Vec3d longest_free_direction(const Colliders& colliders, const Segment& segment,
     for (int i = 0; i < planes; ++i)
         for (int j = 1; j < 2 * turns; ++j) {
             const double plane = pi * i / planes, turn = pi * (j - turns) / turns;
-            const Vec3d across = arc.turning.across * std::cos(plane) + arc.turning.normal * std::sin(plane);
+            const Vec3d across = arc.capsule.across * std::cos(plane) + arc.capsule.normal * std::sin(plane);
             const Vec3d direction = segment.from * std::cos(turn) + across * std::sin(turn);
             const double length = free_length(colliders, segment, direction);
             if (length <= longest) continue;
@@ -413,7 +413,7 @@ Turned turn_exactly(const Colliders& colliders, const Segment& given, TurnScratc
     Segment segment = given;
     Arc arc = arc_of(segment);
     Sweep found{true, false, 0.0, Vec2d::Zero()};
-    if (!segment.rotated_by_parent || !ray_confirms_blocked(colliders, segment, scratch))
+    if (!segment.test_ray_first || !ray_confirms_blocked(colliders, segment, scratch))
         found = sweep(colliders, segment, arc, scratch);
     // The pivot may be too close: the coarse tests (planes, boxes) say so, or the sweep was blocked at angle 0 and ended
     // before it had tested all triangles near the pivot. Measure the clearance exactly.
@@ -452,7 +452,7 @@ Turned turn_exactly(const Colliders& colliders, const Segment& given, TurnScratc
         found = {false, false, std::numeric_limits<double>::infinity(), Vec2d::Zero()};
         double most = std::min(arc.angle, at_once);
         if (scratch.contact_triangle.size() > 0 &&
-            first_blocked(arc.turning, diamond_of_angle(most), scratch.contact_triangle, scratch.first))
+            first_blocked(arc.capsule, diamond_of_angle(most), scratch.contact_triangle, scratch.first))
             found.blocked_at_start = scratch.first.turn < stays;
         if (!found.blocked_at_start) {
             Arc near = arc;
@@ -467,7 +467,7 @@ Turned turn_exactly(const Colliders& colliders, const Segment& given, TurnScratc
     }
     if (found.first > arc.angle)
         return {segment.goal, Outcome::arrived, pushed_out, segment.clearance, goal_angle, goal_angle};
-    return {arc.turning.direction(found.at.x(), found.at.y()).normalized(),
+    return {arc.capsule.direction(found.at.x(), found.at.y()).normalized(),
             Outcome::contact,
             pushed_out,
             segment.clearance,
@@ -484,7 +484,7 @@ bool ray_meets(const Colliders& colliders, const Vec3d& from, const Vec3d& direc
 
 Turned turn_by_steps(const Colliders& colliders, const Segment& segment, int steps) {
     const Arc arc = arc_of(segment);
-    const auto at = [&](double turn) { return arc.turning.direction(std::cos(turn), std::sin(turn)); };
+    const auto at = [&](double turn) { return arc.capsule.direction(std::cos(turn), std::sin(turn)); };
     const auto blocked = [&](const Vec3d& direction) {
         return ray_meets(colliders, segment.pivot, direction, segment.length);
     };

@@ -16,7 +16,7 @@ struct Segment {
     Vec3d lean;              // to the tip, any length or 0: picks the plane if from and goal are opposed
     double length, clearance;
     bool clearance_unverified = false; // check the pivot's clearance
-    bool rotated_by_parent = false;    // rotated by earlier turns, perhaps into a collider: test a ray first
+    bool test_ray_first = false;       // rotated by earlier turns, perhaps into a collider: test a ray first
 };
 
 enum class Outcome {
@@ -39,7 +39,7 @@ struct Turned {
 // the axis is from x lean; without a lean, it is from x the coordinate axis that `from` has the smallest
 // component along.
 struct Arc {
-    Turning turning;
+    TurningCapsule capsule;
     double angle; // to the goal, 0 ... pi
 };
 Arc arc_of(const Segment& segment);

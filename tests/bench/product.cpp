@@ -36,14 +36,14 @@ Product::Product(const Coat& coat) : coat_(coat) {
 Product::Frame Product::run(bool traced, double frame) {
     world_ = {};
     BuildSettings settings = build_settings(scene_, frame);
-    settings.curves_bvh = traced;
+    settings.trace_curves = traced;
     BuildStats stats;
     BuildProgress progress;
     world_ = build_world(scene_.geometry, settings, never, progress, stats);
     return {load_seconds_,
             stats.colliders,
             strand_seconds(stats.report),
-            stats.curves_bvh,
+            stats.bvh,
             stats.curve_bytes,
             stats.attribute_bytes + uint64_t(stats.report("memory.curve_extra_bytes"))};
 }

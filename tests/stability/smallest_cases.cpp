@@ -16,11 +16,11 @@ using oracle::Triangle;
 
 // A turn in the plane z = 0 from x towards y, length 1; the blocked interval of the triangle.
 std::vector<Blocked> blocked_by(const Triangle& t, double clearance, double end = 2.0) {
-    const Turning turning{Vec3d::UnitX(), Vec3d::UnitY(), Vec3d::UnitZ(), 1.0, clearance};
+    const TurningCapsule capsule{Vec3d::UnitX(), Vec3d::UnitY(), Vec3d::UnitZ(), 1.0, clearance};
     TriangleList list;
     list.push(t.a, t.b, t.c);
     std::vector<Blocked> blocked;
-    blocked_turns(turning, 0.0, end, list.blocks(), 1, blocked);
+    blocked_turns(capsule, 0.0, end, list.blocks(), 1, blocked);
     return blocked;
 }
 
@@ -143,11 +143,11 @@ TEST(SmallestCases, the_plane_of_a_turn_that_is_hardly_one) {
         for (int i = 0; i < 100; ++i) {
             Segment segment{Vec3d::Zero(), draw.direction(), Vec3d::Zero(), draw.direction(), 1.0, 1e-5};
             segment.goal = (segment.from + off * draw.in_cube()).normalized();
-            const Turning turning = arc_of(segment).turning;
-            worst = std::max({worst, std::abs(turning.normal.dot(turning.from)),
-                              std::abs(turning.across.dot(turning.from)),
-                              std::abs(turning.normal.dot(turning.across)),
-                              std::abs(turning.normal.norm() - 1.0)});
+            const TurningCapsule capsule = arc_of(segment).capsule;
+            worst = std::max({worst, std::abs(capsule.normal.dot(capsule.from)),
+                              std::abs(capsule.across.dot(capsule.from)),
+                              std::abs(capsule.normal.dot(capsule.across)),
+                              std::abs(capsule.normal.norm() - 1.0)});
             // A triangle across the segment.
             Vec3d side, other;
             orthonormal_basis<double>(segment.from, side, other);

@@ -91,7 +91,7 @@ Problem draw_problem(Draw& draw, Kind kind) {
                          : draw.direction();
     s.lean = scale * draw.direction();
     s.clearance_unverified = draw.below(2) == 0;
-    const Vec3d normal = arc_of(s).turning.normal;
+    const Vec3d normal = arc_of(s).capsule.normal;
     const int count = 1 + int(log_uniform(draw, 1.0, 40.0));
     const Vec3d centre = s.pivot + s.length * 0.7 * draw.direction();
     for (int i = 0; i < count; ++i) {
@@ -168,7 +168,7 @@ std::optional<Fault> fault_of(const Problem& p, Seen& seen) {
         return std::nullopt;
     }
     const Arc arc = arc_of(s);
-    const oracle::Contact contact = oracle::first_contact(s.pivot, s.from, arc.turning.normal, arc.angle,
+    const oracle::Contact contact = oracle::first_contact(s.pivot, s.from, arc.capsule.normal, arc.angle,
                                                           s.length, s.clearance, set, margin);
     seen.contacts += contact.touches;
     const double error = turned.turned_angle > contact.latest     ? turned.turned_angle - contact.latest
@@ -261,13 +261,13 @@ void fuzz_interval(Kind kind) {
             const Problem problem = draw_problem(draw, kind);
             if (problem.triangles.empty()) continue;
             const Segment& s = problem.segment;
-            const Turning turning = arc_of(s).turning;
+            const TurningCapsule capsule = arc_of(s).capsule;
             const double end = draw.below(2) == 0 ? 2.0 : 2.0 * draw.unit();
             const Triangle& t = problem.triangles[0];
             TriangleList list;
             list.push(t.a - s.pivot, t.b - s.pivot, t.c - s.pivot);
             std::vector<Blocked> blocked;
-            blocked_turns(turning, 0.0, end, list.blocks(), 1, blocked);
+            blocked_turns(capsule, 0.0, end, list.blocks(), 1, blocked);
             ++tried;
             blocked_count += !blocked.empty();
             const char* fault = nullptr;
@@ -275,7 +275,7 @@ void fuzz_interval(Kind kind) {
             for (int k = 0; k <= turns && !fault; ++k) {
                 const double p = end * k / turns;
                 const Vec2d cs = from_diamond(p);
-                const Vec3d tip = s.pivot + s.length * turning.direction(cs.x(), cs.y());
+                const Vec3d tip = s.pivot + s.length * capsule.direction(cs.x(), cs.y());
                 const double room = oracle::closest(s.pivot, tip, t).distance - s.clearance;
                 const double margin = 1e-8 * s.length;
                 bool in = false;
@@ -290,7 +290,7 @@ void fuzz_interval(Kind kind) {
             for (const Blocked& b : blocked)
                 for (const double p : {b.low, b.high}) {
                     const Vec2d cs = from_diamond(p);
-                    const Vec3d tip = s.pivot + s.length * turning.direction(cs.x(), cs.y());
+                    const Vec3d tip = s.pivot + s.length * capsule.direction(cs.x(), cs.y());
                     const double room = oracle::closest(s.pivot, tip, t).distance - s.clearance;
                     if (fault || std::abs(room) <= 1e-8 * s.length) continue;
                     fault = "end of the interval off";
@@ -304,10 +304,10 @@ void fuzz_interval(Kind kind) {
                 int(seed), i, fault, at, end, by, s.clearance / s.length);
             for (const Blocked& b : blocked) std::printf(", blocked %.9g ... %.9g", b.low, b.high);
             std::printf("\n");
-            const Vec3d& n = turning.normal;
+            const Vec3d& n = capsule.normal;
             const auto local = [&](const Vec3d& v) {
                 const Vec3d r = (v - s.pivot) / s.length;
-                std::printf(" (%.17g, %.17g, %.17g)", r.dot(turning.from), r.dot(turning.across), r.dot(n));
+                std::printf(" (%.17g, %.17g, %.17g)", r.dot(capsule.from), r.dot(capsule.across), r.dot(n));
             };
             std::printf("    in lengths along from, across, normal:");
             local(t.a);
@@ -333,7 +333,7 @@ void fuzz_first(Kind kind) {
         Draw draw(hash(hash(31, uint64_t(kind)), uint64_t(i)));
         const Problem problem = draw_problem(draw, kind);
         const Segment& s = problem.segment;
-        const Turning turning = arc_of(s).turning;
+        const TurningCapsule capsule = arc_of(s).capsule;
         TriangleList list;
         std::vector<Triangle> alone;
         const auto add = [&](const Vec3d& a, const Vec3d& b, const Vec3d& c) {
@@ -353,7 +353,7 @@ void fuzz_first(Kind kind) {
         if (list.size() == 0) continue;
         ++tried;
         std::vector<Blocked> blocked;
-        blocked_turns(turning, 0.0, 2.0, list.blocks(), list.size(), blocked);
+        blocked_turns(capsule, 0.0, 2.0, list.blocks(), list.size(), blocked);
         const double infinity = std::numeric_limits<double>::infinity();
         double least = infinity, rounding = 1e-9;
         bool started = false, grazes_start = false;
@@ -364,7 +364,7 @@ void fuzz_first(Kind kind) {
         }
         if (grazes_start && !started) continue;
         const double end = draw.below(2) == 0 ? 2.0 : 2.0 * draw.unit();
-        const bool is = first_blocked(turning, end, list, found);
+        const bool is = first_blocked(capsule, end, list, found);
         if (std::abs(least - end) <= rounding && !started) continue;
         at_start += started;
         contacts += !started && least <= end;
@@ -374,7 +374,7 @@ void fuzz_first(Kind kind) {
         // At a grazing contact turns are ill-conditioned: compare distances instead.
         if (off > 1e-10 && off < infinity) {
             const Vec2d cs = from_diamond(found.turn);
-            const Vec3d tip = s.length * turning.direction(cs.x(), cs.y());
+            const Vec3d tip = s.length * capsule.direction(cs.x(), cs.y());
             double room = infinity;
             for (const Triangle& t : alone)
                 room = std::min(room, oracle::closest(Vec3d::Zero(), tip, t).distance - s.clearance);

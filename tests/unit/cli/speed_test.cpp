@@ -22,7 +22,7 @@ TEST(Speed, OfStrandsIsSmallBesideTheBvh) {
                             "--threads", "2", "--stats", folder / "a.json"}));
         stats = nlohmann::json::parse(read_file(folder / "a.json"));
         const double place = stats["seconds"]["place_roots"], expand = stats["seconds"]["expand"],
-                     bend = stats["seconds"]["bend"], bvh = stats["seconds"]["curves_bvh"];
+                     bend = stats["seconds"]["bend"], bvh = stats["seconds"]["bvh"];
         fmt::print("placing {:.3f} s + expand {:.3f} s + bend {:.3f} s = {:.3f} of the BVH's {:.3f} s\n",
                    place, expand, bend, (place + expand + bend) / bvh, bvh);
         ratios.push_back((place + expand + bend) / bvh);

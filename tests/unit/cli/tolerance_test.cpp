@@ -35,7 +35,7 @@ std::vector<std::string> scenes(size_t first) {
 
 World built(Shot& scene, BuildSettings settings, BuildStats& stats) {
     static const std::atomic<bool> never{false};
-    settings.curves_bvh = false;
+    settings.trace_curves = false;
     BuildProgress progress;
     return build_world(scene.geometry, settings, never, progress, stats);
 }

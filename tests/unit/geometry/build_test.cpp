@@ -284,7 +284,7 @@ TEST(MirroredTransforms, GrowHairOutwards) {
 
 TEST(Baking, MakesCurvesWithoutAttachingThem) {
     TestScene scene(populated);
-    scene.settings.curves_bvh = false;
+    scene.settings.trace_curves = false;
     const World world = scene.build();
     EXPECT_EQ(world.curves.size(), 2u);
     for (const CurveGeometry& curves : world.curves) // rays near a strand hit a mesh or nothing

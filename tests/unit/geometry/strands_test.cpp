@@ -203,7 +203,7 @@ TEST(Strands, FollowASkinThatBendsAndTwists) {
     const Fur fur = furnish(scene, 300);
     const SceneCurves& file = scene.geometry.curves[0];
     const SceneMesh& tube = scene.geometry.meshes[0];
-    scene.settings.curves_bvh = false;
+    scene.settings.trace_curves = false;
     double root_off = 0.0, stretch = 0.0;
     for (int i = 0; i < 1000; ++i) {
         scene.settings.frame = 1.0 + 199.0 * draw(uint64_t(i), 7);
@@ -233,7 +233,7 @@ TEST(Strands, DoNotJumpOnASkinThatDoesNot) {
     furnish(scene, 300);
     const SceneMesh& tube = scene.geometry.meshes[0];
     const CurveLayout layout = scene.geometry.curves[0].layout();
-    scene.settings.curves_bvh = false;
+    scene.settings.trace_curves = false;
     std::vector<float> before;
     double most_tip = 0.0, most_skin = 0.0;
     std::vector<Vec3f> skin_before;

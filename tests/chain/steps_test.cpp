@@ -31,7 +31,7 @@ Off contact_error(const Fur& fur, const oracle::TriangleSet& set, bool exact) {
         if (trace.turned.outcome != Outcome::contact || trace.turned.pushed_out) continue;
         const Arc arc = arc_of(s);
         // The steps do not use a clearance: their contact is that of the bare segment.
-        const oracle::Contact contact = oracle::first_contact(s.pivot, s.from, arc.turning.normal, arc.angle,
+        const oracle::Contact contact = oracle::first_contact(s.pivot, s.from, arc.capsule.normal, arc.angle,
                                                               s.length, exact ? s.clearance : 0.0, set);
         const double error = std::abs(angle_between(s.from, trace.turned.direction) - contact.angle);
         off.mean += error;

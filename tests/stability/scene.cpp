@@ -229,7 +229,7 @@ void judge(const SegmentTrace& trace, const oracle::TriangleSet& set, Verdict& v
     if (turned.pushed_out) return;
     const Arc arc = arc_of(s);
     const oracle::Contact contact =
-        oracle::first_contact(s.pivot, s.from, arc.turning.normal, arc.angle, s.length, s.clearance, set,
+        oracle::first_contact(s.pivot, s.from, arc.capsule.normal, arc.angle, s.length, s.clearance, set,
                               1e-7 * s.length + 1e-6 * s.clearance);
     if (contact.grazes(contact_bound)) {
         ++verdict.grazes;

@@ -34,7 +34,9 @@
 // area per area of ground where the mask is 1; it divides the stress on the sand by 1 + 16 area. With
 // `growth` (m a year) they start at `start_cover` of the mask, grow back to the mask and `plant_height`, and
 // die where sand buries them or erodes below them faster than that: barchans become parabolic dunes. `cover`
-// names an output mask, the cover at this frame, for grooms and materials.
+// names an output mask, the cover at this frame, for grooms and materials. With `wake` the wind recovers
+// behind plants over a length, 2.1 plant heights in nature: sand gathers in tufts and in a tail behind each
+// (nabkhas). Cells must be smaller than a tuft.
 //
 //     [[procedural.layer]]
 //     type = "dune_solver"
@@ -199,6 +201,8 @@ constexpr std::array dune_solver_values = {
     MarramParam{"growth", MARRAM_NUMBER, "m/year", "0", 0, 1000, "",
                 "of small plants; 0: plants stay as they are"},
     MarramParam{"plant_height", MARRAM_NUMBER, "m", "1", 0.001, 100, "", "of full-grown plants"},
+    MarramParam{"wake", MARRAM_NUMBER, "", "0", 0, 100, "",
+                "length over which the wind recovers behind plants, in plant heights; 0: at once"},
     MarramParam{"start_cover", MARRAM_NUMBER, "", "0", 0, 1, "",
                 "share of the mask that growing plants start with"},
     MarramParam{"cover", MARRAM_TEXT, "", "none", 0, 0, "",
@@ -303,7 +307,7 @@ std::unique_ptr<TerrainLayer> make_dune_solver(const LayerContext& context) {
     if (!run.cover.empty() && run.plants.empty())
         throw SceneFault("terrain.dune_solver", values.place("cover"), "cover needs plants",
                          "name a mask by plants");
-    for (const char* name : {"growth", "start_cover"})
+    for (const char* name : {"growth", "start_cover", "wake"})
         if (run.plants.empty() && values.number(name) > 0.0)
             throw SceneFault("terrain.dune_solver", values.place(name), fmt::format("{} needs plants", name),
                              "name a mask by plants");
@@ -312,6 +316,7 @@ std::unique_ptr<TerrainLayer> make_dune_solver(const LayerContext& context) {
     growth.height = values.number("plant_height");
     growth.start_cover = values.number("start_cover");
     growth.frontal_area = values.number("frontal_area");
+    growth.wake = values.number("wake");
     run.start = values.number("start");
     run.frames = std::max(context.frame - run.start, 0.0);
     run.seconds_a_frame = values.number("days_per_frame") * dune_day;

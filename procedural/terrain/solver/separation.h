@@ -3,21 +3,11 @@
 #pragma once
 
 #include "core/math/simd.h"
+#include "procedural/terrain/solver/downwind_rays.h"
 
 #include <vector>
 
 namespace marram {
-
-// How the wind crosses the grid. All downwind stages advance from row to row, never along a row.
-struct DownwindGrid {
-    int rows = 0, columns = 0;
-    bool periodic = false; // else the ground continues beyond the border at the border's height
-    double cell = 1.0;
-    bool backwards = false; // the wind crosses from the last row to the first
-    double drift = 0.0;     // columns per row, -1 to 1
-
-    int row(int step) const { return backwards ? rows - 1 - step : step; }
-};
 
 struct SeparationSettings {
     double steepest = 0.36397; // tangent: steeper faces cause a bubble (20 degrees)

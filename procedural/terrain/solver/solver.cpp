@@ -7,6 +7,7 @@
 //
 //   surface      heights at the middle of the step (below)
 //   separation   separation.cpp: bubbles behind brinks and in front of steep faces
+//   wake         wake.cpp: the wind recovers behind plants
 //   shear        shear.cpp: stress over surface and bubbles, by Fourier transform
 //   saturation   transport.cpp: saturated flux
 //   march        transport.cpp: flux, erosion and deposition: Exner's equation
@@ -48,7 +49,7 @@
 // growth is exact for steady ground.
 //
 // Cost: 2 cores, 35 to 42 ns a cell and step from 256^2 to 4096^2 (build/dune_solver speed). Memory: 60 bytes
-// a cell, 4 more with plants, 16 more if they grow.
+// a cell, 4 more with plants, 16 more if they grow, 16 more with wakes (20 if they grow).
 #include "procedural/terrain/solver/solver.h"
 
 #include "core/math/clock.h"
@@ -159,9 +160,9 @@ std::string DuneSolver::problem(const Domain& domain, const DuneSolverSettings& 
         if (!(x > 0.0)) return "densities, lengths, gravity, scales, threshold and steps must be above 0";
     const PlantGrowth& growth = settings.growth;
     if (!(growth.rate >= 0.0) || !std::isfinite(growth.rate) || !(growth.height > 0.0) ||
-        !std::isfinite(growth.height) || !(growth.frontal_area >= 0.0) || !(growth.start_cover >= 0.0) ||
-        !(growth.start_cover <= 1.0))
-        return "plants must have a height above 0, growth and area of 0 or more, and cover 0 to 1";
+        !std::isfinite(growth.height) || !(growth.frontal_area >= 0.0) || !(growth.wake >= 0.0) ||
+        !std::isfinite(growth.wake) || !(growth.start_cover >= 0.0) || !(growth.start_cover <= 1.0))
+        return "plants must have a height above 0, growth, area and wake of 0 or more, and cover 0 to 1";
     if (!(settings.influx >= 0.0) || !(settings.influx <= 1.0)) return "influx must be 0 to 1";
     if (!(settings.separation.lee > 0.0) || !(settings.separation.windward > 0.0) ||
         !(settings.separation.steepest > settings.separation.lee / 1.5))
@@ -374,6 +375,15 @@ double DuneSolver::step(const SandWind& wind, double seconds) {
         separation_.find(course, settings_.separation, air_height_.data(), range_, pitch(),
                          excess_turn_.data());
     }
+    const PlantGrowth& growth = settings_.growth;
+    if (!plants_.empty() && growth.wake > 0.0) {
+        const StageTimer clock(times_.wake);
+        plant_wake_.resize(plants_.size());
+        wake_.find(course, growth.wake,
+                   {plants_.data(), plant_height_.empty() ? nullptr : plant_height_.data(), growth.height,
+                    settings_.plant_drag},
+                   pitch(), plant_wake_.data());
+    }
     {
         const StageTimer clock(times_.shear);
         envelope();
@@ -384,8 +394,12 @@ double DuneSolver::step(const SandWind& wind, double seconds) {
     SaturationMaxima peak;
     {
         const StageTimer clock(times_.saturation);
-        const AirFields air = {air_height_.data(), excess_turn_.data(), along_flux_.data(),
-                               across_relax_.data(), plants_.empty() ? nullptr : plants_.data()};
+        const AirFields air = {air_height_.data(),
+                               excess_turn_.data(),
+                               along_flux_.data(),
+                               across_relax_.data(),
+                               plants_.empty() ? nullptr : plants_.data(),
+                               plant_wake_.empty() ? nullptr : plant_wake_.data()};
         peak =
             saturate(course, settings_.border, settings_.physics, settings_.plant_drag, wind_row, wind_column,
                      wind.shear_velocity, air, pitch(),

@@ -5,6 +5,7 @@
 #include "procedural/terrain/solver/avalanche.h"
 #include "procedural/terrain/solver/shear.h"
 #include "procedural/terrain/solver/transport.h"
+#include "procedural/terrain/solver/wake.h"
 #include "procedural/terrain/solver/winds.h"
 
 #include <array>
@@ -22,6 +23,7 @@ struct PlantGrowth {
     double height = 1.0;       // of full-grown plants, metres
     double start_cover = 0.0;  // initial cover, as a fraction of the mask
     double frontal_area = 0.2; // of full-grown plants, per area of ground
+    double wake = 0.0;         // length over which the wind recovers behind them, in plant heights; 0: none
     bool operator==(const PlantGrowth&) const = default;
 };
 
@@ -63,7 +65,8 @@ struct DuneCallbacks {
 
 // Total seconds spent in each stage.
 struct DuneTimes {
-    double surface = 0.0, separation = 0.0, shear = 0.0, saturation = 0.0, march = 0.0, avalanche = 0.0;
+    double surface = 0.0, separation = 0.0, wake = 0.0, shear = 0.0, saturation = 0.0, march = 0.0,
+           avalanche = 0.0;
 };
 
 class DuneSolver {
@@ -118,6 +121,7 @@ class DuneSolver {
     WideVector<double> plant_height_; // metres; double, because the change per step is below float precision
     WideVector<double> sand_, sand_next_;
     WideVector<float> air_height_;
+    WideVector<float> plant_wake_; // deficit of the shear velocity; empty without wakes
     // Shared buffers. First AirFields (along, across, excess) and the envelope; saturate() then overwrites
     // them row by row with SaturationFields (flux, relax, turn, reach).
     WideVector<float> along_flux_, across_relax_, excess_turn_, envelope_reach_;
@@ -125,6 +129,7 @@ class DuneSolver {
     double range_ = 0.0;                          // maximum - minimum of air_height_
     std::array<std::unique_ptr<Shear>, 2> shear_; // by orientation
     Separation separation_;
+    Wake wake_;
     March march_;
     Avalanche avalanche_;
     DuneState state_; // without sand, height_before and plant_height

@@ -21,7 +21,7 @@
 // along the wind.
 //
 // Over plants (M. Raupach, D. Gillette, J. Leys, J. Geophys. Res. 98, 1993) the stress is divided by 1 +
-// plant_drag lambda, lambda the frontal area per area of ground.
+// plant_drag lambda, lambda the frontal area per area of ground. Behind plants it recovers (wake.cpp).
 //
 // Relaxation. Grains need a length L_sat = 2.2 (rho_s / rho_a) d to reach equilibrium (B. Andreotti, P.
 // Claudin, O. Pouliquen, Geomorphology 123, 2010), nearly independent of the wind. Eroded sand stays in the
@@ -78,7 +78,7 @@ int transport_substeps(double turn) { return std::clamp(int(std::ceil(turn - 0.0
 
 struct SaturationRow {
     const float *before, *here, *after; // heights; `here` is padded on both sides
-    const float *excess, *along, *across, *plants;
+    const float *excess, *along, *across, *plants, *wake;
     float *flux, *relax, *turn, *reach;
     float *cell_turn, *gain, *rise;   // scratch rows, padded by one before the start
     int columns, count;               // count: columns rounded up to a multiple of 8
@@ -114,7 +114,14 @@ MARRAM_HOT SaturationMaxima transport_saturate(const SaturationRow& row) {
         const VFloat turn = vmax(-limit, vmin(limit, side / ahead));
         const VFloat e_row = one / vsqrt(one + turn * turn);
         VFloat stress = row.stress * size;
-        if (row.plants) stress /= 1.0F + row.plant_drag * vload(row.plants + b);
+        if (row.plants) {
+            const VFloat open_stress = stress;
+            stress /= 1.0F + row.plant_drag * vload(row.plants + b);
+            if (row.wake) {
+                const VFloat left = 1.0F - vload(row.wake + b);
+                stress = vmin(stress, open_stress * (left * left));
+            }
+        }
         const VFloat threshold =
             row.threshold * vmax(none, 1.0F + slope * row.slope_scale) / vsqrt(one + slope * slope);
         VFloat flux = e_row * row.q_scale * vmax(none, stress - threshold);
@@ -325,6 +332,7 @@ SaturationMaxima saturate(const DownwindGrid& course, DuneBorder border, const S
         row.before = height(step - 1), row.here = line.data() + transport_pad, row.after = height(step + 1);
         row.excess = air.excess + at, row.along = air.along + at, row.across = air.across + at;
         row.plants = air.plants ? air.plants + at : nullptr;
+        row.wake = air.wake ? air.wake + at : nullptr;
         row.flux = out.flux + at, row.relax = out.relax + at, row.turn = out.turn + at,
         row.reach = out.reach + at;
         row.columns = course.columns;

@@ -42,6 +42,7 @@ struct AirFields {
     const float* along = nullptr;  // relative perturbation of the stress along the wind
     const float* across = nullptr; // the same across the wind, towards (-wind_column, wind_row)
     const float* plants = nullptr; // frontal area of plants per area of ground; NULL: none
+    const float* wake = nullptr; // missing fraction of the shear velocity behind plants (wake.h); NULL: none
 };
 
 // Inputs of the march, per cell.

@@ -1,0 +1,96 @@
+// SPDX-License-Identifier: Apache-2.0
+// Wakes: the wind recovers behind plants.
+//
+// Within plants of frontal area lambda per area of ground the shear velocity is R0 u*, R0 = 1 / sqrt(1 + drag
+// lambda) (M. Raupach, D. Gillette, J. Leys, J. Geophys. Res. 98, 1993). At a distance x behind a plant of
+// height p it is
+//
+//   u*(x) = u* (1 - (1 - R0) exp(-x / (recovery p)))
+//
+// (G. Okin, "A new model of wind erosion in the presence of vegetation", J. Geophys. Res. 113, 2008; a recovery
+// of 2.1 heights: 99 % of the wind are back after 10). Where wakes meet, the larger deficit counts. Sand settles
+// where the wind is weak: a hummock in each tuft with a tail behind it, a nabkha (P. Hesp, "The formation of
+// shadow dunes", J. Sediment. Petrol. 51, 1981). A tail is as wide as the tuft at its start; avalanches make it
+// a ridge.
+//
+// Cost: 4 ns a cell on one core. Memory: 16 bytes a cell. Deficits below 1/10,000 are cut to 0.
+#include "procedural/terrain/solver/wake.h"
+
+#include "procedural/parallel.h"
+
+#include <tbb/enumerable_thread_specific.h>
+
+#include <algorithm>
+#include <cmath>
+
+namespace marram {
+namespace {
+
+constexpr float wake_smallest = 1e-4F;
+
+MARRAM_HOT void wake_own_deficit(const float* area, float drag, int count, float* deficit) {
+    for (int b = 0; b < count; b += lanes)
+        vstore(deficit + b, 1.0F - 1.0F / vsqrt(1.0F + drag * vload(area + b)));
+}
+
+// The fraction of a deficit that is left after one sample of a ray. `rate`: samples per metre of plant.
+MARRAM_HOT void wake_kept(const double* height, double rate, int count, float* kept) {
+    for (int b = 0; b < count; b += lanes)
+        vstore(kept + b, to_float(vexp(-rate / vmax(splat(1e-9), vload(height + b)))));
+}
+
+// One group of rays; `kept` NULL: `steady`.
+MARRAM_HOT void wake_sweep(int length, const float* kept, float steady, float* deficit) {
+    constexpr int vectors = DownwindRays::width / lanes;
+    VFloat carried[vectors], carried_kept[vectors];
+    for (int v = 0; v < vectors; ++v) carried[v] = carried_kept[v] = splat_float(0.0F);
+    for (int n = 0; n < length; ++n)
+        for (int v = 0; v < vectors; ++v) {
+            float* const here = deficit + size_t(n) * DownwindRays::width + size_t(v * lanes);
+            const VFloat own = vload(here), left = carried[v] * carried_kept[v];
+            const VFloat own_kept = kept ? vload(kept + size_t(n) * DownwindRays::width + size_t(v * lanes))
+                                         : splat_float(steady);
+            carried_kept[v] = own >= left ? own_kept : carried_kept[v];
+            const VFloat most = vmax(own, left);
+            carried[v] = most > wake_smallest ? most : splat_float(0.0F);
+            vstore(here, carried[v]);
+        }
+}
+
+} // namespace
+
+void Wake::find(const DownwindGrid& grid, double recovery, const WakePlants& plants, size_t pitch,
+                float* deficit) {
+    const double spacing = grid.cell * std::hypot(1.0, grid.drift),
+                 longest = recovery * plants.full_height * -std::log(double(wake_smallest));
+    const DownwindRays rays(grid, int(std::min(std::ceil(longest / spacing) + 1.0, 1e9)));
+    const size_t count = pitch * size_t(grid.rows);
+    const int in_row = (grid.columns + lanes - 1) / lanes * lanes;
+    own_.resize(count);
+    if (plants.height) kept_.resize(count);
+    rays_.resize(rays.pitch() * size_t(grid.rows));
+    marram::parallel_for(0, grid.rows, [&](int row) {
+        const size_t at = size_t(row) * pitch;
+        wake_own_deficit(plants.frontal_area + at, float(plants.drag), in_row, own_.data() + at);
+        if (plants.height) wake_kept(plants.height + at, spacing / recovery, in_row, kept_.data() + at);
+    });
+    const float steady = float(std::exp(-spacing / (recovery * plants.full_height)));
+    struct Scratch {
+        WideVector<float> deficit, kept;
+    };
+    tbb::enumerable_thread_specific<Scratch> scratches;
+    marram::parallel_for(0, rays.groups(), [&](int group) {
+        Scratch& mine = scratches.local();
+        mine.deficit.resize(size_t(rays.length()) * DownwindRays::width);
+        rays.gather(own_.data(), pitch, group, mine.deficit.data());
+        if (plants.height) {
+            mine.kept.resize(mine.deficit.size());
+            rays.gather(kept_.data(), pitch, group, mine.kept.data());
+        }
+        wake_sweep(rays.length(), plants.height ? mine.kept.data() : nullptr, steady, mine.deficit.data());
+        rays.store(mine.deficit.data(), group, rays_.data());
+    });
+    rays.scatter(rays_.data(), deficit, pitch);
+}
+
+} // namespace marram

@@ -19,6 +19,9 @@
 //             from a Weibull distribution (`shape`); a wide spread forms star dunes
 //   record    measured: a CSV with columns time (hours), speed (m/s at 10 m) and direction (degrees clockwise
 //             from north, *from* which it blows; +x is east, -z north); it repeats after its end
+// It may differ from place to place (wind_field.cpp): it follows the curves that `wind_along` names within about
+// `wind_reach`, or `wind_map` gives its parts along and across. The air is computed for one direction in 15
+// degrees of such a field; the report has their number; each after the first adds half of the cost of a step.
 // The report has the drift potential and its resultant (dp, rdp, kg / (m s)) and their ratio.
 //
 // Time and cost. A time step costs about 40 ns a sample on two cores (build/dune_solver speed). It is seconds
@@ -53,6 +56,7 @@
 
 #include "core/math/hash.h"
 #include "procedural/terrain/simulation.h"
+#include "procedural/terrain/wind_field.h"
 
 #include <fmt/format.h>
 
@@ -69,6 +73,7 @@ constexpr double dune_day = 86400.0;
 struct DuneRun {
     DuneSolverSettings settings;
     WindHistory wind;
+    WindField field;
     DriftPotential drift;
     std::string plants;                         // mask name; "": none
     std::string cover;                          // name of the output mask; "": none
@@ -136,11 +141,12 @@ bool DuneSolverLayer::evaluate_whole(const Fields& below, const LayerOutput& out
     evaluate({0, 0, domain_.nx, domain_.nz}, below, out);
     const bool blown = run_.frames > 0.0 && run_.seconds_a_frame > 0.0;
     if (!blown && run_.cover.empty()) return true;
-    const std::string problem = DuneSolver::problem(domain_, run_.settings, below.bedrock, below.sand);
+    const std::string problem =
+        DuneSolver::problem(domain_, run_.settings, below.bedrock, below.sand, run_.field);
     if (!problem.empty())
         throw SceneFault("terrain.dune_solver", run_.place, problem, "change the layers below, or the cells");
     const float* const plants = run_.plants.empty() ? nullptr : find_mask(below, run_.plants);
-    DuneSolver solver(domain_, run_.settings, below.bedrock, below.sand, plants);
+    DuneSolver solver(domain_, run_.settings, below.bedrock, below.sand, plants, run_.field);
     double from = 0.0;
     if (blown && simulation_) {
         double frame = 0.0;
@@ -163,7 +169,8 @@ bool DuneSolverLayer::evaluate_whole(const Fields& below, const LayerOutput& out
                           {"sand_out", sand_metres(solver.out()) * area},
                           {"dp", run_.drift.dp},
                           {"rdp", run_.drift.rdp},
-                          {"rdp_dp", run_.drift.ratio()}};
+                          {"rdp_dp", run_.drift.ratio()},
+                          {"wind_directions", double(solver.wind_directions())}};
     return true;
 }
 
@@ -194,6 +201,12 @@ constexpr std::array dune_solver_values = {
     MarramParam{
         "record", MARRAM_TABLE, "", "none", 0, 0, "time|speed|direction",
         "CSV of a measured wind: time (h), speed (m/s at 10 m), direction (deg from north, from which)"},
+    MarramParam{"wind_along", MARRAM_CURVES_NAME, "", "none", 0, 0, "",
+                "curves that the wind follows, turned by up to 30 degrees"},
+    MarramParam{"wind_reach", MARRAM_NUMBER, "m", "50", 1e-3, 1e6, "",
+                "distance from a curve at which the wind follows it by half"},
+    MarramParam{"wind_map", MARRAM_IMAGE, "", "none", 0, 0, "",
+                "image of the wind along and across its direction, relative to it: (1, 0) changes nothing"},
     MarramParam{"plants", MARRAM_TEXT, "", "none", 0, 0, "",
                 "name of a mask: the share of the ground that plants cover"},
     MarramParam{"frontal_area", MARRAM_NUMBER, "", "0.2", 0, 100, "",
@@ -283,6 +296,18 @@ WindHistory dune_wind(const LayerContext& context, double& known) {
         {{first, (1.0 - share) * season}, {{std::cos(turned), std::sin(turned), strength}, share * season}});
 }
 
+WindField dune_wind_field(const LayerContext& context) {
+    const LayerValues& values = context.values;
+    if (values.has("wind_along") && values.has("wind_map"))
+        throw SceneFault("terrain.wind_field", values.place("wind_map"), "the wind has curves and a map",
+                         "give wind_along or wind_map");
+    if (values.has("wind_map"))
+        return wind_field_of_image(*values.at("wind_map").grid, context.domain, values.place("wind_map"));
+    if (!values.has("wind_along")) return {};
+    return wind_field_along(context.curves(values.text("wind_along")), values.number("wind_reach"),
+                            context.domain, context.wind, values.place("wind_along"));
+}
+
 std::string dune_cover(const LayerValues& values) {
     if (!values.has("cover")) return "";
     check_mask_name(values.text("cover"), values.place("cover"));
@@ -301,6 +326,7 @@ std::unique_ptr<TerrainLayer> make_dune_solver(const LayerContext& context) {
     run.settings.avalanche.stops = run.settings.avalanche.starts - degree;
     double known = 0.0;
     run.wind = dune_wind(context, known);
+    run.field = dune_wind_field(context);
     run.drift = drift_potential(winds_between(run.wind, 0.0, known), run.settings.physics);
     if (values.has("plants")) run.plants = required_mask_name(context, "plants");
     run.cover = dune_cover(values);

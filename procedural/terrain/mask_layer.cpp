@@ -22,6 +22,7 @@
 
 #include "core/math/hash.h"
 #include "procedural/terrain/shape_layer.h"
+#include "procedural/terrain/stretched_image.h"
 #include "procedural/wind/noise.h"
 
 #include <algorithm>
@@ -83,7 +84,7 @@ class MaskLayer : public TerrainLayer {
                                  "a mask by " + values.text("by") + " needs '" + parameter + "'", "give it");
         };
         if (by_ == MaskBy::mask) need("of"), source_mask_ = required_mask_name(context, "of");
-        if (by_ == MaskBy::image) need("file"), read_pixels(*values.at("file").grid);
+        if (by_ == MaskBy::image) need("file"), image_ = StretchedImage(*values.at("file").grid, domain_);
         noise_.frequency = 1.0 / values.number("wavelength");
         noise_.octaves = values.integer("octaves");
         noise_.seed = uint32_t(hash(context.seed, uint64_t(values.integer("seed"))));
@@ -111,13 +112,6 @@ class MaskLayer : public TerrainLayer {
     }
 
   private:
-    void read_pixels(const MarramGrid& grid) {
-        nx_ = int(grid.nx);
-        nz_ = int(grid.ny);
-        pixels_.resize(size_t(nx_) * size_t(nz_));
-        for (size_t p = 0; p < pixels_.size(); ++p) pixels_[p] = grid.values[p * grid.components];
-    }
-
     void read_curves(const std::vector<DrawnCurve>& curves) {
         for (const DrawnCurve& curve : curves) {
             const size_t count = curve.points.size();
@@ -224,20 +218,6 @@ class MaskLayer : public TerrainLayer {
                (domain_.cell * domain_.cell);
     }
 
-    double pixel(int i, int j) const {
-        const auto place = [](int k, int samples, int pixels) { // pixel centres are at half-integers
-            const double share = samples > 1 ? double(k) / (samples - 1) : 0.5;
-            return std::clamp(share * pixels - 0.5, 0.0, double(pixels - 1));
-        };
-        const double x = place(i, domain_.nx, nx_), y = place(j, domain_.nz, nz_);
-        const int a = std::min(int(x), std::max(nx_ - 2, 0)), b = std::min(int(y), std::max(nz_ - 2, 0));
-        const int a1 = std::min(a + 1, nx_ - 1), b1 = std::min(b + 1, nz_ - 1);
-        const auto value = [&](int c, int r) { return double(pixels_[size_t(r) * size_t(nx_) + size_t(c)]); };
-        const double s = x - a, t = y - b;
-        return (1 - t) * ((1 - s) * value(a, b) + s * value(a1, b)) +
-               t * ((1 - s) * value(a, b1) + s * value(a1, b1));
-    }
-
     double noise_at(double x, double z) const {
         constexpr double deviations = 3.0;
         const Wide3d point{splat(x), splat(0.0), splat(z)};
@@ -258,7 +238,7 @@ class MaskLayer : public TerrainLayer {
         case MaskBy::curvature:
             return curvature(i, j, below);
         case MaskBy::image:
-            return pixel(i, j);
+            return image_.at(i, j);
         case MaskBy::noise:
             return noise_at(domain_.x(i), domain_.z(j));
         case MaskBy::mask:
@@ -272,8 +252,7 @@ class MaskLayer : public TerrainLayer {
     std::string name_, source_mask_, factor_mask_;
     MaskBy by_;
     Ramp ramp_;
-    std::vector<float> pixels_;
-    int nx_ = 0, nz_ = 0;
+    StretchedImage image_;
     std::vector<CurveSegment> segments_;
     std::vector<SegmentRun> runs_; // cover segments_
     FractalNoise noise_;

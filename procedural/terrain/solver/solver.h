@@ -73,11 +73,12 @@ class DuneSolver {
   public:
     // The problem with these inputs, or "". Bedrock must be within 2^18 m of 0, sand 0 to 2^18 m deep.
     static std::string problem(const Domain& domain, const DuneSolverSettings& settings, const float* bedrock,
-                               const SandUnits* sand);
+                               const SandUnits* sand, const WindField& field = {});
 
-    // `plants`: fraction of the ground that full-grown plants cover, 0 to 1, or NULL. Copies all arrays.
+    // `plants`: fraction of the ground that full-grown plants cover, 0 to 1, or NULL. `field`: where the wind
+    // differs. Copies all arrays.
     DuneSolver(const Domain& domain, const DuneSolverSettings& settings, const float* bedrock,
-               const SandUnits* sand, const float* plants = nullptr);
+               const SandUnits* sand, const float* plants = nullptr, const WindField& field = {});
 
     // Advances by `seconds`. Returns false if cancelled, after a whole step.
     bool advance(const WindHistory& wind, double seconds, const DuneCallbacks& callbacks = {});
@@ -94,14 +95,20 @@ class DuneSolver {
     // The fraction of the ground that plants cover. Requires plants.
     void cover(std::span<float> out) const;
     const DuneTimes& times() const { return times_; }
+    // For how many directions of the wind the air is computed in each step: 1 without a wind field.
+    int wind_directions() const { return directions_; }
 
     DuneState save() const;
     void restore(const DuneState& state);
 
   private:
     void orient(bool transposed);
+    void set_wind_field(const WindField& field);
     void surface();
     void envelope();
+    double air(double x, double z);
+    void air_of_one_wind(double x, double z);
+    void add_air(int direction, bool first);
     void set_plants();
     void grow(double seconds);
     double stable_step(double stress) const;
@@ -121,6 +128,12 @@ class DuneSolver {
     WideVector<double> plant_height_; // metres; double, because the change per step is below float precision
     WideVector<double> sand_, sand_next_;
     WideVector<float> air_height_;
+    // The wind field: cosine and sine of the turn from the rows' normal towards the columns, factor of the
+    // stress, and the direction as a position among those the air is computed for. Empty without one.
+    WideVector<float> turned_cos_, turned_sin_, strength_, direction_;
+    double first_turn_ = 0.0, turn_spacing_ = 0.0; // radians, of those directions
+    int directions_ = 1;
+    WideVector<float> along_sum_, across_sum_, excess_sum_, wake_sum_; // weighted over directions
     WideVector<float> plant_wake_; // deficit of the shear velocity; empty without wakes
     // Shared buffers. First AirFields (along, across, excess) and the envelope; saturate() then overwrites
     // them row by row with SaturationFields (flux, relax, turn, reach).

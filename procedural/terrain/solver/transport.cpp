@@ -78,7 +78,7 @@ int transport_substeps(double turn) { return std::clamp(int(std::ceil(turn - 0.0
 
 struct SaturationRow {
     const float *before, *here, *after; // heights; `here` is padded on both sides
-    const float *excess, *along, *across, *plants, *wake;
+    const float *excess, *along, *across, *plants, *wake, *turned_cos, *turned_sin, *strength;
     float *flux, *relax, *turn, *reach;
     float *cell_turn, *gain, *rise;   // scratch rows, padded by one before the start
     int columns, count;               // count: columns rounded up to a multiple of 8
@@ -102,8 +102,14 @@ MARRAM_HOT SaturationMaxima transport_saturate(const SaturationRow& row) {
         const VFloat size = vsqrt(along * along + across * across);
         const VFloat inverse = size > 0.0F ? one / size : none;
         const VFloat u = size > 0.0F ? along * inverse : one, v = size > 0.0F ? across * inverse : none;
-        const VFloat u_row = u * row.wind_row - v * row.wind_column,
-                     u_column = u * row.wind_column + v * row.wind_row;
+        VFloat wind_row = none + row.wind_row, wind_column = none + row.wind_column;
+        if (row.turned_cos) {
+            const VFloat c = vload(row.turned_cos + b), s = row.side * vload(row.turned_sin + b);
+            const VFloat turned = wind_row * c - wind_column * s;
+            wind_column = wind_column * c + wind_row * s;
+            wind_row = turned;
+        }
+        const VFloat u_row = u * wind_row - v * wind_column, u_column = u * wind_column + v * wind_row;
         const VFloat g_row = row.row_slope * (vload(row.after + b) - vload(row.before + b));
         const VFloat g_column = row.column_slope * (vload(row.here + b + 1) - vload(row.here + b - 1));
         const VFloat slope = u_row * g_row + u_column * g_column;
@@ -114,6 +120,7 @@ MARRAM_HOT SaturationMaxima transport_saturate(const SaturationRow& row) {
         const VFloat turn = vmax(-limit, vmin(limit, side / ahead));
         const VFloat e_row = one / vsqrt(one + turn * turn);
         VFloat stress = row.stress * size;
+        if (row.strength) stress *= vload(row.strength + b);
         if (row.plants) {
             const VFloat open_stress = stress;
             stress /= 1.0F + row.plant_drag * vload(row.plants + b);
@@ -333,6 +340,9 @@ SaturationMaxima saturate(const DownwindGrid& course, DuneBorder border, const S
         row.excess = air.excess + at, row.along = air.along + at, row.across = air.across + at;
         row.plants = air.plants ? air.plants + at : nullptr;
         row.wake = air.wake ? air.wake + at : nullptr;
+        if (air.turned_cos)
+            row.turned_cos = air.turned_cos + at, row.turned_sin = air.turned_sin + at,
+            row.strength = air.strength + at;
         row.flux = out.flux + at, row.relax = out.relax + at, row.turn = out.turn + at,
         row.reach = out.reach + at;
         row.columns = course.columns;

@@ -2,6 +2,7 @@
 // Wind histories and their drift potential. See winds.cpp for the formulas.
 #pragma once
 
+#include "core/math/vec.h"
 #include "procedural/terrain/solver/transport.h"
 
 #include <functional>
@@ -62,6 +63,16 @@ std::string wind_record_problem(const WindRecord& record);
 double
 last_duration(const WindRecord& record); // seconds that the last entry blows: as long as the one before
 WindHistory recorded_wind(const WindRecord& record);
+
+// How the wind differs from place to place, relative to the wind of the moment; per sample (i, j) at j * nx + i.
+// Empty: nowhere.
+struct WindField {
+    std::vector<float> turn;     // radians, from +x towards +z; at most most_turn to either side
+    std::vector<float> strength; // factor of the shear velocity, 0 to 10
+    // The march crosses rows at less than 79 degrees to their normal, and the wind itself at 45.
+    static constexpr double most_turn = 30.0 * degree;
+    bool empty() const { return turn.empty(); }
+};
 
 // Drift potential: mean of the saturated flux (dp), and magnitude of its mean vector (rdp).
 struct DriftPotential {

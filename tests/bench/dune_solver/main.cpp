@@ -60,44 +60,63 @@ std::vector<SandUnits> rough_cover(const Domain& domain, double depth, double ro
     return sand;
 }
 
+void print_speed_of(const char* name, int n, const float* plants, const WindField& field,
+                    const DuneSolverSettings& settings) {
+    const Domain domain{n, n, 1.0, 0.0, 0.0};
+    std::vector<float> rock(domain.count(), 0.0F);
+    std::vector<SandUnits> sand(domain.count());
+    for (int j = 0; j < n; ++j)
+        for (int i = 0; i < n; ++i) {
+            const double a = 2.0 * pi * i / 32.0, b = 2.0 * pi * j / 64.0;
+            sand[domain.index(i, j)] =
+                sand_units(5.0 + 1.2 * std::sin(a + std::sin(b)) + 0.3 * std::sin(2 * a + b));
+        }
+    DuneSolver solver(domain, settings, rock.data(), sand.data(), plants, field);
+    const SandWind wind{std::cos(30.0 * degree), std::sin(30.0 * degree), 0.4};
+    const int steps = std::max(8, int(4e6 / double(domain.count())));
+    solver.step(wind, 1e9), solver.step(wind, 1e9);
+    const DuneTimes before = solver.times();
+    std::vector<double> times;
+    const std::clock_t cpu = std::clock();
+    for (int k = 0; k < steps; ++k) {
+        const auto start = std::chrono::steady_clock::now();
+        solver.step(wind, 1e9);
+        times.push_back(std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count());
+    }
+    const double busy = double(std::clock() - cpu) / CLOCKS_PER_SEC; // CPU time of all cores together
+    std::sort(times.begin(), times.end());
+    const double cells = 1e9 / double(domain.count()), median = times[times.size() / 2], mean = cells / steps;
+    const DuneTimes& after = solver.times();
+    std::printf("%-16s %10.2f %8.1f %8.1f | %8.1f %8.1f %8.1f %8.1f %8.1f %8.1f %8.1f (means)\n", name,
+                median * 1e3, median * cells, busy * mean, (after.surface - before.surface) * mean,
+                (after.separation - before.separation) * mean, (after.wake - before.wake) * mean,
+                (after.shear - before.shear) * mean, (after.saturation - before.saturation) * mean,
+                (after.march - before.march) * mean, (after.avalanche - before.avalanche) * mean);
+    std::fflush(stdout);
+}
+
 void print_speed() {
     std::printf("speed: covered bed, 30 degrees to the grid, periodic; median of steps, ns a cell; CPU: of "
                 "all cores together\n");
-    std::printf("%6s %10s %8s %8s | %8s %8s %8s %8s %8s %8s\n", "size", "ms a step", "total", "CPU",
-                "surface", "bubbles", "shear", "q_sat", "march", "slides");
-    for (const int n : {256, 512, 1024, 2048, 4096}) {
-        const Domain domain{n, n, 1.0, 0.0, 0.0};
-        std::vector<float> rock(domain.count(), 0.0F);
-        std::vector<SandUnits> sand(domain.count());
-        for (int j = 0; j < n; ++j)
-            for (int i = 0; i < n; ++i) {
-                const double a = 2.0 * pi * i / 32.0, b = 2.0 * pi * j / 64.0;
-                sand[domain.index(i, j)] =
-                    sand_units(5.0 + 1.2 * std::sin(a + std::sin(b)) + 0.3 * std::sin(2 * a + b));
-            }
-        DuneSolver solver(domain, {}, rock.data(), sand.data());
-        const SandWind wind{std::cos(30.0 * degree), std::sin(30.0 * degree), 0.4};
-        const int steps = std::max(8, int(4e6 / double(domain.count())));
-        solver.step(wind, 1e9), solver.step(wind, 1e9);
-        const DuneTimes before = solver.times();
-        std::vector<double> times;
-        const std::clock_t cpu = std::clock();
-        for (int k = 0; k < steps; ++k) {
-            const auto start = std::chrono::steady_clock::now();
-            solver.step(wind, 1e9);
-            times.push_back(std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count());
-        }
-        const double busy = double(std::clock() - cpu) / CLOCKS_PER_SEC; // CPU time of all cores together
-        std::sort(times.begin(), times.end());
-        const double cells = 1e9 / double(domain.count()), median = times[times.size() / 2],
-                     mean = cells / steps;
-        const DuneTimes& after = solver.times();
-        std::printf("%6d %10.2f %8.1f %8.1f | %8.1f %8.1f %8.1f %8.1f %8.1f %8.1f (means)\n", n, median * 1e3,
-                    median * cells, busy * mean, (after.surface - before.surface) * mean,
-                    (after.separation - before.separation) * mean, (after.shear - before.shear) * mean,
-                    (after.saturation - before.saturation) * mean, (after.march - before.march) * mean,
-                    (after.avalanche - before.avalanche) * mean);
-        std::fflush(stdout);
+    std::printf("%-16s %10s %8s %8s | %8s %8s %8s %8s %8s %8s %8s\n", "size", "ms a step", "total", "CPU",
+                "surface", "bubbles", "wakes", "shear", "q_sat", "march", "slides");
+    for (const int n : {256, 512, 1024, 2048, 4096})
+        print_speed_of(std::to_string(n).c_str(), n, nullptr, {}, {});
+    constexpr int n = 1024;
+    std::vector<float> plants(size_t(n) * n);
+    for (size_t k = 0; k < plants.size(); ++k) plants[k] = k / 8 % 7 == 0 ? 0.1F : 0.0F;
+    DuneSolverSettings settings;
+    print_speed_of("1024, plants", n, plants.data(), {}, settings);
+    settings.growth.wake = 2.1;
+    print_speed_of("1024, wakes", n, plants.data(), {}, settings);
+    settings.growth.rate = 1.0 / seconds_per_year;
+    print_speed_of("1024, growing", n, plants.data(), {}, settings);
+    for (const double turn : {7.5, 22.5}) { // 2 and 4 directions
+        WindField field;
+        field.strength.assign(plants.size(), 1.0F);
+        for (size_t k = 0; k < plants.size(); ++k)
+            field.turn.push_back(float(turn * degree * std::sin(2.0 * pi * double(k % n) / n)));
+        print_speed_of(turn < 10.0 ? "1024, 2 winds" : "1024, 4 winds", n, nullptr, field, {});
     }
 }
 

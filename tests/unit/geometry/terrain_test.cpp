@@ -53,8 +53,9 @@ void expect_all(const std::vector<float>& values, float expected) {
 // An EXR of one channel beside the scene.
 struct ImageFile {
     fs::path path = fs::temp_directory_path() / ("marram_terrain_" + std::to_string(::getpid()) + ".exr");
-    ImageFile(int width, int height, const std::vector<float>& pixels) {
-        const Layer layers[] = {{"", {"Y"}, pixels.data(), false}};
+    ImageFile(int width, int height, const std::vector<float>& pixels,
+              std::vector<std::string> channels = {"Y"}) {
+        const Layer layers[] = {{"", std::move(channels), pixels.data(), false}};
         write_exr(path.string(), width, height, layers, {});
     }
     ~ImageFile() { fs::remove(path); }
@@ -567,6 +568,44 @@ TEST(Terrain, WindsOfTheSolverDiffer) {
     EXPECT_EQ(heights_at(calm, 9.0), heights_at(calm, 8.0)); // steep slopes have slid
     ASSERT_FALSE(calm.stats.warnings.empty());
     EXPECT_NE(calm.stats.warnings[0].find("never exceeds the threshold"), std::string::npos);
+}
+
+// Curves and an image turn the wind by the same angle; the report has the number of directions.
+TEST(Terrain, TheWindOfTheSolverIsDrawn) {
+    const std::string curves = "\n[[curves]]\ntype = \"points\"\nname = \"drawn\"\npoints = [[-9000, 0, ";
+    const auto turned = [&](const std::string& more, const std::string& ends) {
+        TestScene scene(evolving(more) + (ends.empty() ? "" : curves + ends));
+        std::vector<float> heights = heights_at(scene, 3.0);
+        EXPECT_EQ(scene.stats.report("terrain.layer[1].dune_solver.wind_directions"), 1.0) << more;
+        return heights;
+    };
+    const std::vector<float> straight = turned("", "");
+    // The wind blows along (1, 0, 0.3); the curve along (1, 0, 0.7): 18.3 degrees more.
+    const double angle = std::atan2(0.7, 1.0) - std::atan2(0.3, 1.0);
+    const std::vector<float> drawn =
+        turned("wind_along = \"drawn\"\nwind_reach = 1e6", "-6300], [9000, 0, 6300]]\n");
+    EXPECT_NE(drawn, straight);
+    const ImageFile image(1, 1, {float(std::cos(angle)), float(std::sin(angle)), 0.0F}, {"R", "G", "B"});
+    const std::vector<float> mapped = turned("wind_map = \"" + image.path.string() + "\"", "");
+    double worst = 0.0;
+    for (size_t k = 0; k < drawn.size(); ++k) worst = std::max(worst, double(std::abs(drawn[k] - mapped[k])));
+    EXPECT_LT(worst, 1e-3);
+
+    TestScene fan(evolving("wind_along = \"drawn\"\nwind_reach = 10") + curves +
+                  "-6300], [9000, 0, 6300]]\n");
+    heights_at(fan, 2.0);
+    EXPECT_EQ(fan.stats.report("terrain.layer[1].dune_solver.wind_directions"), 2.0);
+    const auto expect = [](const std::string& text, const std::string& what) {
+        TestScene scene(text);
+        const std::string said = scene.build_errors();
+        EXPECT_NE(said.find(what), std::string::npos) << said;
+        EXPECT_NE(said.find(".toml:"), std::string::npos) << said;
+    };
+    expect(evolving("wind_along = \"drawn\"\nwind_reach = 1e6") + curves + "0], [-9000, 0, 500]]\n",
+           "the wind field turns the wind by");
+    expect(evolving("wind_along = \"drawn\"\nwind_map = \"" + image.path.string() + "\"") + curves +
+               "0], [9000, 0, 500]]\n",
+           "give wind_along or wind_map");
 }
 
 // Plants grow where the ground rests and die where sand moves. Their cover is a mask, even before the wind

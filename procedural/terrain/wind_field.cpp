@@ -1,0 +1,133 @@
+// SPDX-License-Identifier: Apache-2.0
+// Wind fields that a person draws.
+//
+// Image: the first two channels are the local wind along and across the wind's direction (across: from +x towards
+// +z), in parts of its shear velocity; (1, 0) changes nothing. The image is stretched over the terrain, bilinear.
+//
+// Curves: the wind follows them, in the direction in which they are drawn. With phi the angle from the wind to
+// the curve, and d the distance to its points, the wind turns by
+//
+//   (integral of phi w over all curves) / (integral of w + pi / reach),  w = 1 / (d^2 + cell^2) a metre
+//
+// The integrals are exact: over a segment of a line at the distance h, from s0 to s1 along the line, that of w is
+// (atan(s1 / q) - atan(s0 / q)) / q with q^2 = h^2 + cell^2. On a curve the wind follows it. At a distance d from
+// a long straight curve the integral is pi / d: the wind turns by reach / (reach + d) of the curve's angle.
+#include "procedural/terrain/wind_field.h"
+
+#include "procedural/parallel.h"
+#include "procedural/terrain/stretched_image.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+
+namespace marram {
+namespace {
+
+// Throws if the field turns the wind too far, and names the place where it turns most.
+void check_wind_field(const WindField& field, const Domain& domain, const std::string& place) {
+    size_t most = 0;
+    for (size_t k = 0; k < field.turn.size(); ++k) {
+        if (!std::isfinite(field.turn[k]) || !std::isfinite(field.strength[k]) || field.strength[k] > 10.0F)
+            throw SceneFault(
+                "terrain.wind_field", place,
+                fmt::format("the wind field is not finite, or stronger than 10 times the wind, at "
+                            "({:g}, {:g})",
+                            domain.x(int(k % size_t(domain.nx))), domain.z(int(k / size_t(domain.nx)))),
+                "correct the image");
+        if (std::abs(field.turn[k]) > std::abs(field.turn[most])) most = k;
+    }
+    const double turn = double(field.turn[most]) / degree;
+    if (std::abs(turn) * degree > WindField::most_turn)
+        throw SceneFault(
+            "terrain.wind_field", place,
+            fmt::format("the wind field turns the wind by {:.0f} degrees at ({:g}, {:g}), more than {:g}",
+                        turn, domain.x(int(most % size_t(domain.nx))),
+                        domain.z(int(most / size_t(domain.nx))), WindField::most_turn / degree),
+            "draw it closer to the wind's direction");
+}
+
+struct FieldSegment {
+    Vec2d a, b;
+    double length, turn; // m, radians from the wind
+};
+
+// Points closer together than two cells are skipped: the field has no finer features.
+std::vector<FieldSegment> field_segments(const std::vector<DrawnCurve>& curves, const Vec2d& wind,
+                                         double cell) {
+    std::vector<FieldSegment> segments;
+    for (const DrawnCurve& curve : curves) {
+        const size_t count = curve.points.size() + (curve.closed ? 1 : 0);
+        std::optional<Vec2d> a;
+        for (size_t k = 0; k < count; ++k) {
+            const Vec3d& point = curve.points[k % curve.points.size()];
+            const Vec2d b(point.x(), point.z());
+            const Vec2d along = a ? Vec2d(b - *a) : Vec2d::Zero();
+            const bool last = k + 1 == count && along.squaredNorm() > 0.0;
+            if (a && !last && !(along.norm() >= 2.0 * cell)) continue;
+            if (a)
+                segments.push_back(
+                    {*a, b, along.norm(),
+                     std::atan2(wind.x() * along.y() - wind.y() * along.x(), wind.dot(along))});
+            a = b;
+        }
+    }
+    return segments;
+}
+
+// The integral of 1 / (d^2 + cell^2) over a segment.
+double segment_weight(const Vec2d& p, const FieldSegment& s, double cell) {
+    const Vec2d along = (s.b - s.a) / s.length, to = s.a - p;
+    const double begin = to.dot(along), across = along.x() * to.y() - along.y() * to.x();
+    const double q = std::hypot(across, cell);
+    return (std::atan((begin + s.length) / q) - std::atan(begin / q)) / q;
+}
+
+} // namespace
+
+WindField wind_field_of_image(const MarramGrid& grid, const Domain& domain, const std::string& place) {
+    if (grid.components < 2)
+        throw SceneFault("terrain.wind_field", place, "a wind field needs two channels, the image has one",
+                         "give the wind along and across its direction as red and green");
+    const StretchedImage image(grid, domain, 2);
+    WindField field;
+    field.turn.resize(domain.count());
+    field.strength.resize(domain.count());
+    for (int j = 0; j < domain.nz; ++j)
+        for (int i = 0; i < domain.nx; ++i) {
+            const double along = image.at(i, j, 0), across = image.at(i, j, 1);
+            field.strength[domain.index(i, j)] = float(std::hypot(along, across));
+            field.turn[domain.index(i, j)] =
+                along == 0.0 && across == 0.0 ? 0.0F : float(std::atan2(across, along));
+        }
+    check_wind_field(field, domain, place);
+    return field;
+}
+
+WindField wind_field_along(const std::vector<DrawnCurve>& curves, double reach, const Domain& domain,
+                           const Vec2d& wind, const std::string& place) {
+    const std::vector<FieldSegment> segments = field_segments(curves, wind, domain.cell);
+    if (segments.empty())
+        throw SceneFault("terrain.wind_field", place, "the curves of the wind have no length",
+                         "give them two points or more");
+    WindField field;
+    field.turn.resize(domain.count());
+    field.strength.assign(domain.count(), 1.0F);
+    marram::parallel_for(0, domain.nz, [&](int j) {
+        for (int i = 0; i < domain.nx; ++i) {
+            const Vec2d p(domain.x(i), domain.z(j));
+            double weights = pi / reach, turns = 0.0;
+            for (const FieldSegment& s : segments) {
+                const double w = segment_weight(p, s, domain.cell);
+                weights += w, turns += w * s.turn;
+            }
+            field.turn[domain.index(i, j)] = float(turns / weights);
+        }
+    });
+    check_wind_field(field, domain, place);
+    return field;
+}
+
+} // namespace marram

@@ -14,6 +14,8 @@
 namespace marram {
 namespace {
 
+constexpr std::string_view procedural_meshes = "procedural_meshes"; // seconds.procedural_meshes of the report
+
 // The values of a sweep as TOML.
 std::vector<std::string> texts_of_sweep(const ParamSpec& spec) {
     std::vector<std::string> values;
@@ -87,7 +89,7 @@ Dial declared(const ParamSpec& spec, const std::string& name,
     constexpr std::string_view seconds = "seconds.";
     Dial dial{name, spec.help + ". Error against the last.", "strands", DialError::pose, false, {}, 0};
     if (spec.sweep_time.starts_with(seconds)) dial.time = spec.sweep_time.substr(seconds.size());
-    if (dial.time == "terrain") dial.error = DialError::surface;
+    if (dial.time == procedural_meshes) dial.error = DialError::surface;
     if (dial.time == "view") dial.error = DialError::view;
     for (const std::string& value : texts_of_sweep(spec))
         dial.settings.push_back({value, change(value), false, 0});
@@ -145,7 +147,7 @@ void add_declared(const Shot& shot, DialList& list) {
 
 double seconds_of(const Dial& dial, const FrameStats& stats) {
     if (dial.time == "trace") return stats.trace;
-    if (dial.time == "terrain" || dial.time == "view") return stats.build.procedural_meshes;
+    if (dial.time == procedural_meshes || dial.time == "view") return stats.build.procedural_meshes;
     const double strands = strand_seconds(stats.build.report);
     if (dial.time == "strands") return strands;
     if (dial.time == "strands and BVH") return strands + stats.build.bvh;

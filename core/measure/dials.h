@@ -25,11 +25,12 @@ struct DialSetting {
 
 // How the error of a setting is measured, against the reference setting.
 enum class DialError {
-    pose,    // CVs, as a fraction of the strand's length
-    motion,  // CVs over the shutter, in pixels of the film
-    surface, // heights of growth surfaces (meshes made by procedurals), in metres
-    view,    // heights of render meshes, in pixels at their distance
-    image    // pixel values, relative to the reference's mean
+    pose,      // CVs, as a fraction of the strand's length
+    motion,    // CVs over the shutter, in pixels of the film
+    surface,   // heights of growth surfaces (meshes made by procedurals), in metres
+    attribute, // the first attribute of growth surfaces without heights, relative to the reference's
+    view,      // heights of render meshes, in pixels at their distance
+    image      // pixel values, relative to the reference's mean
 };
 
 struct Dial {

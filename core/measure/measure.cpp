@@ -46,6 +46,7 @@ World build(Shot& shot, const Dial& dial, const Session& session, FrameStats& st
     if (dial.error == DialError::view) settings.camera = camera_samples(shot, session.frame);
     settings.attributes =
         dial.error == DialError::image ? wanted_attributes(shot, {}) : std::vector<std::string>{};
+    if (dial.error == DialError::surface) settings.state_folder.clear(); // simulations start anew
     BuildProgress progress;
     return build_world(shot.geometry, settings, session.cancel, progress, stats.build);
 }
@@ -151,6 +152,36 @@ void compare_surfaces(const World& world, const World& reference, SettingResult&
             }
     }
     result.error = count > 0.0 ? std::sqrt(squares / count) : 0.0;
+}
+
+bool has_heights(const World& world) {
+    for (uint32_t id = 0; id < world.meshes.size(); ++id)
+        if (const auto& grids = world.growth_surface(id).grids; !grids.empty() && grids[0].name == "height")
+            return true;
+    return false;
+}
+
+// Compares the first attribute of all meshes, relative to its root mean square in the reference.
+void compare_attributes(const World& world, const World& reference, SettingResult& result) {
+    double squares = 0.0, size = 0.0, worst = 0.0, count = 0.0;
+    for (uint32_t id = 0; id < std::min(world.meshes.size(), reference.meshes.size()); ++id) {
+        const auto &mine = world.growth_surface(id).attributes,
+                   &exact = reference.growth_surface(id).attributes;
+        if (mine.empty() || exact.empty() || exact[0].discrete) continue;
+        if (mine[0].values.size() != exact[0].values.size()) {
+            result.refused = "not measured: the reference has other vertices";
+            return;
+        }
+        for (size_t k = 0; k < exact[0].values.size(); ++k) {
+            const double gap = double(mine[0].values[k]) - double(exact[0].values[k]);
+            squares += gap * gap, worst = std::max(worst, std::abs(gap));
+            size += double(exact[0].values[k]) * double(exact[0].values[k]);
+            count += 1.0;
+        }
+    }
+    const double scale = count > 0.0 ? std::sqrt(size / count) : 0.0;
+    result.error = scale > 0.0 ? std::sqrt(squares / count) / scale : 0.0;
+    result.worst = scale > 0.0 ? worst / scale : 0.0;
 }
 
 // The height of a mesh below a point; NaN if a ray down from the point misses it.
@@ -315,10 +346,14 @@ DialResult measure_strands(const Dial& dial, const Session& session, double budg
         if (dial.settings[i].own) own = stats.build;
         if (dial.settings[i].by_tolerance) by_tolerance = stats.build, chosen = true;
         if (i == dial.reference) reference = std::move(world);
+        if (i == dial.reference && dial.error == DialError::surface && !has_heights(reference))
+            result.dial.error = DialError::attribute;
         const World& made = i == dial.reference ? reference : world;
         if (dial.error == DialError::surface || dial.error == DialError::view) {
             if (i == dial.reference) continue; // no error
-            if (dial.error == DialError::surface)
+            if (result.dial.error == DialError::attribute)
+                compare_attributes(made, reference, setting);
+            else if (dial.error == DialError::surface)
                 compare_surfaces(made, reference, setting);
             else
                 compare_views(scenes[i], made, reference, session, setting);
@@ -333,6 +368,12 @@ DialResult measure_strands(const Dial& dial, const Session& session, double budg
             if (!result.settings[i].refused.empty()) continue;
             session.progress.now(fmt::format("{}: {}", dial.name, dial.settings[i].label));
             FrameStats stats;
+            if (dial.error == DialError::surface) { // a mesh that has been made is kept
+                std::vector<std::string> changes = session.thinned;
+                changes.insert(changes.end(), dial.settings[i].changes.begin(),
+                               dial.settings[i].changes.end());
+                scenes[i] = load_with(session.request, session.cancel, changes);
+            }
             build(scenes[i], dial, session, stats);
             rounds.add(i, seconds_of(dial, stats));
         }

@@ -37,6 +37,8 @@ std::string error_name(const Dial& dial) {
         return "error, pixels (99 strands in 100 stay below)";
     case DialError::surface:
         return "error, metres of height (rms)";
+    case DialError::attribute:
+        return "error, of the mesh's first attribute, relative (rms)";
     case DialError::view:
         return "error, pixels (rms)";
     default:

@@ -22,7 +22,7 @@ constexpr std::array rock_values = {
                 "a mesh of sand: a grain that lands is replaced by a new one"},
     MarramParam{"shelter[].mesh", MARRAM_MESH_NAME, "", "", 0, 0, "", "a mesh that stops grains"},
     MarramParam{"paths", MARRAM_INTEGER, "", "250000", 1, 0x1p28, "", "grains that are traced",
-                "16000|64000|250000|1000000|4000000", ""},
+                "16000|64000|250000|1000000", "seconds.procedural_meshes"},
     MarramParam{"seed", MARRAM_INTEGER, "", "0", 0, 1e9, "", "of all its random numbers"},
     MarramParam{"transport", MARRAM_NUMBER, "kg/m", "30000", 0, 1e9, "",
                 "sand that the wind carries in a year across each metre of width"},

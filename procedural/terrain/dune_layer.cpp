@@ -223,7 +223,7 @@ const auto dune_values = std::to_array<MarramParam>({
     {"smoothing", MARRAM_NUMBER, "", "0.1", 0, 10, "",
      "of the drawn curve, in slope widths; 0: corners stay"},
     {"search_accuracy", MARRAM_NUMBER, "", "8", 1, 64, "", "points of the curve within a slope width",
-     "2|4|8|16", "seconds.terrain"},
+     "2|4|8|16", "seconds.procedural_meshes"},
     {"flip", MARRAM_BOOLEAN, "", "false", 0, 0, "",
      "false: the outer side is on the left along the curve; true: on the right"},
     {"attributes", MARRAM_BOOLEAN, "", "false", 0, 0, "",

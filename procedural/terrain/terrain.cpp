@@ -62,7 +62,7 @@ const std::vector<MarramParam>& terrain_params() {
              "extent in x and z, rounded to whole cells"},
             {"center", MARRAM_VEC2, "m", "[0, 0]", -1e7, 1e7, "", "x and z of its middle"},
             {"cell", MARRAM_NUMBER, "m", "0.5", 1e-4, 1e4, "", "distance between samples",
-             "2|1|0.5|0.25|0.125", "seconds.terrain"},
+             "2|1|0.5|0.25|0.125", "seconds.procedural_meshes"},
             {"seed", MARRAM_INTEGER, "", "0", 0, 1e9, "", "of all its random numbers"},
         };
         for (const MarramParam& param : wind_params())

@@ -52,7 +52,7 @@ static const MarramParam hill_params[] = {
     {"record", MARRAM_TABLE, "", "none", 0, 0, "", "whose first column's sum it rises by", NULL, NULL},
     {"size", MARRAM_NUMBER, "m", "4", 1e-3, 1e6, "", "side of its square", NULL, NULL},
     {"divisions", MARRAM_INTEGER, "", "8", 1, most_divisions, "", "squares a side", "4|8|16",
-     "seconds.terrain"},
+     "seconds.procedural_meshes"},
     {"swell", MARRAM_NUMBER, "m", "0", -1e3, 1e3, "", "rises by this, times sin(frame)", NULL, NULL},
     {"grow", MARRAM_NUMBER, "m", "0", -1e3, 1e3, "", "rises by this a frame", NULL, NULL},
     {"tone", MARRAM_NUMBER, "", "1", 0, 1e3, "", "factor of the attribute sand", NULL, NULL},

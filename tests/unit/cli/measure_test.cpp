@@ -189,6 +189,83 @@ height = 0.05
         }
 }
 
+constexpr const char* small_picture = R"([camera]
+position = [-14, 5, 10]
+target = [0, 0, 0]
+[film]
+size = [32, 18]
+samples = 1
+max_depth = 2
+[wind]
+speed = 10
+[[light]]
+type = "sky"
+[[material]]
+name = "soil"
+type = "diffuse"
+)";
+
+// A simulation starts anew for each setting and round.
+TEST(Measure, turns_the_dials_of_a_dune_solver) {
+    const Folder folder;
+    const std::string scene = folder.write("a.toml", std::string(small_picture) + R"([[procedural]]
+type = "terrain"
+name = "desert"
+material = "soil"
+size = [15, 11]
+cell = 1
+[[procedural.layer]]
+type = "mass_desert"
+kind = "dome"
+height = [0.4, 0.8]
+spacing = [6, 7]
+[[procedural.layer]]
+type = "dune_solver"
+days_per_frame = 0.25
+start = 0
+)");
+    const ProgramResult done = marram({"measure", scene, "--out", folder / "report", "--seconds", "8"});
+    EXPECT_EQ(done.code, 0) << done.err;
+    const auto dials = rows_by_dial(read_file(folder / "report/measure.csv"));
+    for (const std::string name : {"cell", "dune_solver.stability"}) {
+        SCOPED_TRACE(name);
+        ASSERT_TRUE(dials.contains(name)) << done.out;
+        const std::vector<Row>& rows = dials.at(name);
+        EXPECT_GT(number(rows[0], "error"), number(rows[2], "error")) << done.out;
+        EXPECT_GT(number(rows[2], "error"), 0.0) << done.out;
+    }
+    const std::vector<Row>& steps =
+        dials.at("dune_solver.stability"); // steps of 1, 1/2, 1/4: of second order
+    EXPECT_GT(number(steps[0], "error"), 3.0 * number(steps[1], "error")) << done.out;
+}
+
+// The wear of a rock has no heights: its attribute is compared.
+TEST(Measure, turns_the_paths_of_a_rock) {
+    const Folder folder;
+    const std::string scene = folder.write("a.toml", std::string(small_picture) + R"([[mesh]]
+name = "block"
+type = "sphere"
+material = "soil"
+[[procedural]]
+type = "rock"
+name = "boulder"
+mesh = "block"
+material = "soil"
+paths = 64000
+)");
+    const ProgramResult done = marram({"measure", scene, "--out", folder / "report", "--seconds", "8"});
+    EXPECT_EQ(done.code, 0) << done.err;
+    const auto dials = rows_by_dial(read_file(folder / "report/measure.csv"));
+    ASSERT_TRUE(dials.contains("paths")) << done.out;
+    const std::vector<Row>& rows = dials.at("paths");
+    EXPECT_EQ(rows[0].at("unit"), "1");
+    for (const Row& row : rows)
+        if (row.at("own") == "1") {
+            EXPECT_GT(number(row, "error"), 0.001) << done.out;
+        }
+    EXPECT_EQ(number(rows[3], "error"), 0.0); // the reference
+}
+
 TEST(Measure, says_what_it_leaves_out) {
     const Folder folder;
     const std::string scene = folder.write("a.toml", SceneText{});

@@ -62,6 +62,7 @@ std::string params_text(std::span<const ParamSpec> params) {
 struct Topic {
     std::string name, title, help;
     std::span<const ParamSpec> params;
+    std::string table; // that has types: "light"; "": it has none
 };
 
 std::vector<Topic> topics(const Schema& schema) {
@@ -73,13 +74,13 @@ std::vector<Topic> topics(const Schema& schema) {
         for (const ItemSchema& item : items) {
             const std::string title = fmt::format("[[{}]] type = \"{}\"", table, item.type);
             const std::string why = item.unusable.empty() ? "" : " (cannot be used: " + item.unusable + ")";
-            list.push_back({item.type, title, item.help + why, item.params});
+            list.push_back({item.type, title, item.help + why, item.params, table});
             for (const ListSchema& inner : item.lists)
                 for (const ItemSchema& one : inner.types)
                     list.push_back({one.type,
                                     fmt::format("[[{}.{}]] type = \"{}\", of a {}", table, inner.name,
                                                 one.type, item.type),
-                                    one.help, one.params});
+                                    one.help, one.params, inner.name});
         }
     };
     add(schema.lights, "light");
@@ -135,10 +136,25 @@ std::string params_named(const Schema& schema, const std::string& name) {
     return text;
 }
 
+// The types of a table: of "light" or "lights".
+std::string types_of(const Schema& schema, const std::string& subject) {
+    std::string text;
+    for (const Topic& topic : topics(schema)) {
+        if (topic.table.empty() ||
+            (subject != topic.table && subject != topic.table + "s" && subject != topic.table + "es"))
+            continue;
+        if (text.empty())
+            text = fmt::format("types of {}; marram info TYPE lists the parameters of one\n",
+                               topic.title.substr(0, topic.title.find(' ')));
+        text += fmt::format("    {:<14} {}\n", topic.name, topic.help);
+    }
+    return text.empty() ? text : text + "\n";
+}
+
 } // namespace
 
 std::vector<std::string> reference_subjects(const PluginSet& plugins) {
-    std::vector<std::string> subjects = {"layers"};
+    std::vector<std::string> subjects = {"layers", "light", "material"};
     for (const Topic& topic : topics(plugins.schema)) // strands are curves and a procedural
         if (std::ranges::find(subjects, topic.name) == subjects.end()) subjects.push_back(topic.name);
     return subjects;
@@ -149,6 +165,7 @@ std::string reference_text(const PluginSet& plugins, const std::string& subject)
     for (const Topic& topic : topics(plugins.schema))
         if (subject.empty() || subject == topic.name) text += topic_text(topic);
     if (subject.empty() || subject == "layers") text += layers_text(plugins);
+    if (text.empty()) text = types_of(plugins.schema, subject);
     return text.empty() ? params_named(plugins.schema, subject) : text;
 }
 

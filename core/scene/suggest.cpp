@@ -28,9 +28,25 @@ size_t edits(std::string_view a, std::string_view b) {
     return last[b.size()];
 }
 
+// Words of other renderers for what is called otherwise here.
+struct OtherWord {
+    std::string_view other, ours;
+};
+constexpr OtherWord other_words[] = {
+    {"spp", "samples"},       {"aa_samples", "samples"},   {"resolution", "size"},
+    {"bounces", "max_depth"}, {"depth", "max_depth"},      {"thickness", "width"},
+    {"segments", "cvs"},      {"aperture", "lens_radius"}, {"focal_distance", "focus"},
+    {"look_at", "target"},    {"lookat", "target"},        {"eye", "position"},
+    {"albedo", "color"},      {"diffuse_color", "color"},  {"fstop", "lens_radius"},
+    {"base_color", "color"},
+};
+
 } // namespace
 
 std::string nearest(std::string_view name, std::span<const std::string> candidates) {
+    for (const OtherWord& word : other_words)
+        if (name == word.other && std::ranges::find(candidates, word.ours) != candidates.end())
+            return std::string(word.ours);
     const size_t allowed = name.size() <= 3 ? 1 : name.size() <= 7 ? 2 : 3;
     size_t least = allowed + 1;
     std::string best;

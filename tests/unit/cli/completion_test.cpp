@@ -178,6 +178,8 @@ TEST(Help, IsACommandToo) {
 TEST(Info, FindsParametersByName) {
     EXPECT_CONTAINS(printed({"info", "gusts"}), "in [wind]\n    gusts.num_gusts");
     EXPECT_CONTAINS(printed({"info", "aovs"}), "in [film]\n    aovs");
+    EXPECT_CONTAINS(printed({"info", "lights"}), "types of [[light]]");
+    EXPECT_CONTAINS(printed({"info", "layer"}), "    dune_solver ");
     EXPECT_EQ(marram({"info", "no_such_subject"}).code, 2);
 }
 

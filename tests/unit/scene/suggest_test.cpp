@@ -9,6 +9,10 @@ namespace {
 TEST(Suggest, FindsTheNearest) {
     const std::vector<std::string> names = {"speed", "direction", "fov", "up"};
     EXPECT_EQ(nearest("sped", names), "speed");
+    const std::vector<std::string> film = {"size", "samples", "max_depth"};
+    EXPECT_EQ(nearest("spp", film), "samples"); // as other renderers say
+    EXPECT_EQ(nearest("bounces", film), "max_depth");
+    EXPECT_EQ(nearest("spp", names), "");
     EXPECT_EQ(nearest("SPEED", names), "speed");
     EXPECT_EQ(nearest("psede", names), "speed"); // two transpositions
     EXPECT_EQ(nearest("dierction", names), "direction");

@@ -215,6 +215,11 @@ void add_measure(CLI::App& app, Commands& c) {
     command->add_option("--seconds", c.measure.seconds, "about how long it may take; more is more exact")
         ->check(number_between(1.0, 1e6))
         ->capture_default_str();
+    command
+        ->add_option("--rounds", c.measure.rounds,
+                     "how often each setting is measured at most; 1 is quick, and its times are less exact")
+        ->check(CLI::Range(1, 1000))
+        ->capture_default_str();
     command->callback([&c] { c.chosen = [&c] { return measure_command(c.measure); }; });
 }
 

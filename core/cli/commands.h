@@ -48,6 +48,7 @@ struct MeasureOptions : CommonOptions {
     std::string out = "measure"; // folder
     std::optional<double> frame;
     double seconds = 110.0; // time budget
+    int rounds = 7;
 };
 
 struct CompareOptions {

@@ -20,7 +20,6 @@
 namespace marram {
 namespace {
 
-constexpr int most_rounds = 7;
 constexpr const char* no_time = "not measured: no time was left, give more with --seconds";
 
 double median(std::vector<double> values) {
@@ -363,7 +362,7 @@ DialResult measure_strands(const Dial& dial, const Session& session, double budg
     }
     reference = {};
     const double round = wall_seconds() - begin;
-    for (int r = 1; r < most_rounds && wall_seconds() + round < end; ++r)
+    for (int r = 1; r < session.request.rounds && wall_seconds() + round < end; ++r)
         for (const size_t i : order_of(dial, base)) {
             if (!result.settings[i].refused.empty()) continue;
             session.progress.now(fmt::format("{}: {}", dial.name, dial.settings[i].label));
@@ -441,7 +440,7 @@ DialResult measure_pictures(Dial dial, const Session& session, double budget) {
     const Picture reference = picture(finest.samples, other_seed);
     double mean = 0.0;
     for (const float p : reference.pixels) mean += double(p) / double(reference.pixels.size());
-    for (int r = 0; r < most_rounds; ++r) {
+    for (int r = 0; r < session.request.rounds; ++r) {
         const double begin = wall_seconds();
         for (size_t i = 0; i < dial.settings.size(); ++i) {
             SettingResult& setting = result.settings[i];

@@ -17,6 +17,7 @@ struct MeasureRequest {
     Overrides overrides;
     double frame = 0.0;
     double seconds = 110.0; // time budget
+    int rounds = 7;         // at most so many measurements of each setting; the median counts
     int threads = 1;        // only for the report: the caller's arena sets the number
 };
 

@@ -52,8 +52,9 @@ const SceneText windy = {
 TEST(Measure, turns_every_dial_of_a_scene) {
     const Folder folder;
     const std::string scene = folder.write("a.toml", windy);
-    const ProgramResult done = marram({"measure", scene, "--out", folder / "report", "--seconds", "100",
-                                       "--set", "camera.shutter=[-0.5, 0.5]", "--set", "film.motion_keys=5"});
+    const ProgramResult done =
+        marram({"measure", scene, "--out", folder / "report", "--seconds", "1000", "--rounds", "1", "--set",
+                "camera.shutter=[-0.5, 0.5]", "--set", "film.motion_keys=5"});
     EXPECT_EQ(done.code, 0) << done.err;
     EXPECT_EQ(done.err, "");
     const auto dials = rows_by_dial(read_file(folder / "report/measure.csv"));
@@ -112,7 +113,7 @@ TEST(Measure, says_what_the_tolerance_chose_and_how_well_it_holds) {
     blown.wind = "speed = 6\nglobal_rotate = 1\nnoise = { amplitude = 2, frequency = 1 }\n";
     const std::string scene = folder.write("a.toml", blown);
     const ProgramResult done =
-        marram({"measure", scene, "--out", folder / "report", "--seconds", "20", "--set",
+        marram({"measure", scene, "--out", folder / "report", "--seconds", "1000", "--rounds", "1", "--set",
                 "camera.shutter=[-0.5, 0.5]", "--set", "tolerance_pixels=0.5"});
     EXPECT_EQ(done.code, 0) << done.err;
     const auto rows = rows_by_dial(read_file(folder / "report/measure.csv")).at("motion_keys");
@@ -166,7 +167,8 @@ type = "ripples"
 wavelength = 0.5
 height = 0.05
 )");
-    const ProgramResult done = marram({"measure", scene, "--out", folder / "report", "--seconds", "8"});
+    const ProgramResult done =
+        marram({"measure", scene, "--out", folder / "report", "--seconds", "1000", "--rounds", "1"});
     EXPECT_EQ(done.code, 0) << done.err;
     const auto dials = rows_by_dial(read_file(folder / "report/measure.csv"));
     for (const std::string name : {"cell", "dune.search_accuracy", "ripples.displaced", "view_detail"}) {
@@ -224,7 +226,8 @@ type = "dune_solver"
 days_per_frame = 0.25
 start = 0
 )");
-    const ProgramResult done = marram({"measure", scene, "--out", folder / "report", "--seconds", "8"});
+    const ProgramResult done =
+        marram({"measure", scene, "--out", folder / "report", "--seconds", "1000", "--rounds", "1"});
     EXPECT_EQ(done.code, 0) << done.err;
     const auto dials = rows_by_dial(read_file(folder / "report/measure.csv"));
     for (const std::string name : {"cell", "dune_solver.stability"}) {
@@ -253,7 +256,8 @@ mesh = "block"
 material = "soil"
 paths = 64000
 )");
-    const ProgramResult done = marram({"measure", scene, "--out", folder / "report", "--seconds", "8"});
+    const ProgramResult done =
+        marram({"measure", scene, "--out", folder / "report", "--seconds", "1000", "--rounds", "1"});
     EXPECT_EQ(done.code, 0) << done.err;
     const auto dials = rows_by_dial(read_file(folder / "report/measure.csv"));
     ASSERT_TRUE(dials.contains("paths")) << done.out;

@@ -153,13 +153,6 @@ void compare_surfaces(const World& world, const World& reference, SettingResult&
     result.error = count > 0.0 ? std::sqrt(squares / count) : 0.0;
 }
 
-bool has_heights(const World& world) {
-    for (uint32_t id = 0; id < world.meshes.size(); ++id)
-        if (const auto& grids = world.growth_surface(id).grids; !grids.empty() && grids[0].name == "height")
-            return true;
-    return false;
-}
-
 // Compares the first attribute of all meshes, relative to its root mean square in the reference.
 void compare_attributes(const World& world, const World& reference, SettingResult& result) {
     double squares = 0.0, size = 0.0, worst = 0.0, count = 0.0;
@@ -179,8 +172,22 @@ void compare_attributes(const World& world, const World& reference, SettingResul
         }
     }
     const double scale = count > 0.0 ? std::sqrt(size / count) : 0.0;
+    if (!(scale > 0.0)) result.refused = "not measured: there is nothing to compare";
     result.error = scale > 0.0 ? std::sqrt(squares / count) / scale : 0.0;
     result.worst = scale > 0.0 ? worst / scale : 0.0;
+}
+
+// A dial that changes no height is one of meshes without heights: their attributes count.
+void choose_error(const std::vector<SettingResult>& by_attribute, DialResult& result) {
+    for (const SettingResult& setting : result.settings)
+        if (setting.error > 0.0) return;
+    result.dial.error = DialError::attribute;
+    for (size_t i = 0; i < by_attribute.size(); ++i) {
+        SettingResult& setting = result.settings[i];
+        if (!setting.refused.empty() || i == result.dial.reference) continue;
+        setting.error = by_attribute[i].error, setting.worst = by_attribute[i].worst;
+        setting.refused = by_attribute[i].refused;
+    }
 }
 
 // The height of a mesh below a point; NaN if a ray down from the point misses it.
@@ -320,6 +327,7 @@ DialResult measure_strands(const Dial& dial, const Session& session, double budg
     const size_t base = base_of(dial, result.settings);
     Rounds rounds(dial.settings.size(), base);
     World reference;
+    std::vector<SettingResult> by_attribute(dial.settings.size()); // of a dial of meshes
     BuildStats own, by_tolerance;
     bool chosen = false;
     const double begin = wall_seconds();
@@ -345,22 +353,20 @@ DialResult measure_strands(const Dial& dial, const Session& session, double budg
         if (dial.settings[i].own) own = stats.build;
         if (dial.settings[i].by_tolerance) by_tolerance = stats.build, chosen = true;
         if (i == dial.reference) reference = std::move(world);
-        if (i == dial.reference && dial.error == DialError::surface && !has_heights(reference))
-            result.dial.error = DialError::attribute;
         const World& made = i == dial.reference ? reference : world;
         if (dial.error == DialError::surface || dial.error == DialError::view) {
             if (i == dial.reference) continue; // no error
-            if (result.dial.error == DialError::attribute)
-                compare_attributes(made, reference, setting);
-            else if (dial.error == DialError::surface)
+            if (dial.error == DialError::surface) {
                 compare_surfaces(made, reference, setting);
-            else
-                compare_views(scenes[i], made, reference, session, setting);
+                compare_attributes(made, reference, by_attribute[i]);
+            }
+            if (dial.error == DialError::view) compare_views(scenes[i], made, reference, session, setting);
         } else {
             compare_strands(dial, scenes[i], made, reference, session, setting);
         }
     }
     reference = {};
+    if (dial.error == DialError::surface) choose_error(by_attribute, result);
     const double round = wall_seconds() - begin;
     for (int r = 1; r < session.request.rounds && wall_seconds() + round < end; ++r)
         for (const size_t i : order_of(dial, base)) {

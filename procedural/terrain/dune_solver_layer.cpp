@@ -22,7 +22,7 @@
 // It may differ from place to place (wind_field.cpp): it follows the curves that `wind_along` names within about
 // `wind_reach`, or `wind_map` gives its parts along and across. The air is computed for one direction in 15
 // degrees of such a field; the report has their number; each after the first adds half of the cost of a step.
-// The report has the drift potential and its resultant (dp, rdp, kg / (m s)) and their ratio.
+// The report has the drift potential and its resultant (dp, rdp, kg / (m s)) and their ratio, without the field.
 //
 // Time and cost. A time step costs about 40 ns a sample on two cores (build/dune_solver speed). It is seconds
 // to hours long: shorter for finer cells (with the square of the cell) and stronger wind, and set by `stability`.
@@ -317,6 +317,15 @@ std::string dune_cover(const LayerValues& values) {
     return values.text("cover");
 }
 
+// Whether the wind exceeds the threshold anywhere within its first `known` seconds.
+bool moves_sand(const DuneRun& run, double known) {
+    if (run.drift.dp > 0.0 || run.field.empty()) return run.drift.dp > 0.0;
+    const double strongest = double(*std::max_element(run.field.strength.begin(), run.field.strength.end()));
+    std::vector<TimedWind> winds = winds_between(run.wind, 0.0, known);
+    for (TimedWind& timed : winds) timed.wind.shear_velocity *= strongest;
+    return drift_potential(winds, run.settings.physics).dp > 0.0;
+}
+
 std::unique_ptr<TerrainLayer> make_dune_solver(const LayerContext& context) {
     const LayerValues& values = context.values;
     DuneRun run;
@@ -352,7 +361,7 @@ std::unique_ptr<TerrainLayer> make_dune_solver(const LayerContext& context) {
     run.seconds_a_frame = values.number("days_per_frame") * dune_day;
     run.keep_every = values.integer("keep_every");
     run.place = values.place("type");
-    if (run.drift.dp == 0.0 && context.warn)
+    if (!moves_sand(run, known) && context.warn)
         context.warn(values.place("type"),
                      "the wind never exceeds the threshold of sand transport: only avalanches move sand",
                      "set speed above about 6 m/s");

@@ -23,8 +23,8 @@ MARRAM_HOT void downwind_between(const float* values, float part, int count, flo
 
 } // namespace
 
-DownwindRays::DownwindRays(const DownwindGrid& grid, int warm)
-    : grid_(grid), warm_(grid.periodic ? std::min(warm, grid.rows) : 0) {
+DownwindRays::DownwindRays(const DownwindGrid& grid, int before, int after)
+    : grid_(grid), before_(grid.periodic ? before : 0), after_(grid.periodic ? after : 0) {
     const int swept = int(std::ceil(std::abs(grid.drift) * (grid.rows - 1)));
     first_ = grid.periodic || grid.drift < 0.0 ? 0 : -swept;
     count_ = grid.columns + (grid.periodic ? 0 : swept + 1);
@@ -41,7 +41,7 @@ DownwindRays::Offset DownwindRays::offset(int step) const {
 void DownwindRays::gather(const float* field, size_t field_pitch, int group, float* samples) const {
     const int rows = grid_.rows, columns = grid_.columns, first = first_ + group * width;
     for (int n = 0; n < length(); ++n) {
-        const int step = n - warm_;
+        const int step = n - before_;
         const Offset shift = offset(step);
         const int wrapped = grid_.periodic ? ((step % rows) + rows) % rows : step;
         const float* row = field + size_t(grid_.row(wrapped)) * field_pitch;
@@ -65,7 +65,7 @@ void DownwindRays::gather(const float* field, size_t field_pitch, int group, flo
 void DownwindRays::store(const float* samples, int group, float* rays) const {
     for (int step = 0; step < grid_.rows; ++step)
         std::memcpy(rays + size_t(grid_.row(step)) * pitch() + size_t(group) * width,
-                    samples + size_t(step + warm_) * width, width * sizeof(float));
+                    samples + size_t(step + before_) * width, width * sizeof(float));
 }
 
 void DownwindRays::scatter(const float* rays, float* field, size_t field_pitch) const {

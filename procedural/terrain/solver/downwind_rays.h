@@ -14,28 +14,28 @@ struct DownwindGrid {
     bool periodic = false; // else the ground continues beyond the border at the border's height
     double cell = 1.0;
     bool backwards = false; // the wind crosses from the last row to the first
-    double drift = 0.0;     // columns per row, -1 to 1
+    double drift = 0.0;     // columns per row: -1 to 1, in a wind field up to 3.8
 
     int row(int step) const { return backwards ? rows - 1 - step : step; }
 };
 
 // Rays along the wind, at any angle to the grid: ray r is at column r + n drift in the n-th row downwind. Values
 // are interpolated linearly between columns onto the rays and linearly back, once each, whatever the distance.
-// On periodic ground a ray has `warm` more samples before the first row and after the last.
+// On periodic ground a ray has more samples before the first row and after the last.
 class DownwindRays {
   public:
     static constexpr int width = 16; // rays of a group, processed together
 
-    DownwindRays(const DownwindGrid& grid, int warm);
+    DownwindRays(const DownwindGrid& grid, int before, int after);
 
     int groups() const { return groups_; }
-    int length() const { return grid_.rows + (grid_.periodic ? 2 * warm_ : 0); } // samples of a ray
-    double spacing() const;                                                      // metres between its samples
-    size_t pitch() const { return size_t(groups_) * width; }                     // of a row of rays
+    int length() const { return grid_.rows + before_ + after_; } // samples of a ray
+    double spacing() const;                                      // metres between its samples
+    size_t pitch() const { return size_t(groups_) * width; }     // of a row of rays
 
     // Reads one group's samples: length() rows of `width` values. `field`: rows of `field_pitch`.
     void gather(const float* field, size_t field_pitch, int group, float* samples) const;
-    // Writes one group's samples to `rays`: rows of pitch() values, without the warm ones.
+    // Writes one group's samples to `rays`: rows of pitch() values, without those before and after.
     void store(const float* samples, int group, float* rays) const;
     // Interpolates the rays back onto the grid. In parallel over rows.
     void scatter(const float* rays, float* field, size_t field_pitch) const;
@@ -48,7 +48,8 @@ class DownwindRays {
     Offset offset(int step) const;
 
     DownwindGrid grid_;
-    int warm_, first_, count_, groups_; // first_: the first ray
+    int before_, after_;         // 0 unless periodic
+    int first_, count_, groups_; // first_: the first ray
 };
 
 } // namespace marram

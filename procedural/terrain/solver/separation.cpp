@@ -129,7 +129,8 @@ void Separation::find(const DownwindGrid& course, const SeparationSettings& sett
                       double range, size_t pitch, float* excess) {
     const double longest = 3.0 / (std::sqrt(2.0) * std::min(settings.lee, settings.windward)); // K at m = C
     const double spacing = course.cell * std::hypot(1.0, course.drift);
-    const DownwindRays rays(course, int(std::min(std::ceil(longest * range / spacing) + 2.0, 1e9)));
+    const int warm = int(std::min(std::ceil(longest * range / spacing) + 2.0, double(course.rows)));
+    const DownwindRays rays(course, warm, warm);
     rays_.resize(rays.pitch() * size_t(course.rows));
     struct Scratch {
         WideVector<float> height, excess;

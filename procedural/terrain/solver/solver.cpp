@@ -55,8 +55,8 @@
 // growth is exact for steady ground.
 //
 // Cost: 2 cores, 35 to 42 ns a cell and step from 256^2 to 4096^2 (build/dune_solver speed). Memory: 60 bytes
-// a cell, 4 more with plants, 16 more if they grow, 16 more with wakes (20 if they grow), 28
-// more with a wind field.
+// a cell, 4 more with plants, 16 more if they grow, 12 more with wakes (16 if they grow),
+// 28 more with a wind field.
 #include "procedural/terrain/solver/solver.h"
 
 #include "core/math/clock.h"
@@ -180,6 +180,8 @@ std::string DuneSolver::problem(const Domain& domain, const DuneSolverSettings& 
         !std::isfinite(growth.height) || !(growth.frontal_area >= 0.0) || !(growth.wake >= 0.0) ||
         !std::isfinite(growth.wake) || !(growth.start_cover >= 0.0) || !(growth.start_cover <= 1.0))
         return "plants must have a height above 0, growth, area and wake of 0 or more, and cover 0 to 1";
+    if (field.turn.size() != field.strength.size() || (!field.empty() && field.turn.size() != domain.count()))
+        return "the wind field needs a turn and a strength for each sample";
     for (size_t k = 0; k < field.turn.size(); ++k) {
         if (!(std::abs(double(field.turn[k])) <= WindField::most_turn * (1.0 + 1e-6)))
             return "the wind field turns the wind by more than 30 degrees";
@@ -262,6 +264,7 @@ void DuneSolver::set_wind_field(const WindField& field) {
     directions_ = 1 + int(std::ceil(range / apart - 0.001)); // rounding is not another direction
     turn_spacing_ = directions_ > 1 ? range / (directions_ - 1) : 0.0;
     first_turn_ = directions_ > 1 ? double(*least) : 0.5 * (double(*least) + double(*most));
+    strongest_ = double(*std::max_element(field.strength.begin(), field.strength.end()));
     std::vector<float> values(field.turn.size());
     const auto set = [&](WideVector<float>& to, auto&& value) {
         for (size_t k = 0; k < values.size(); ++k) values[k] = float(value(k));
@@ -358,9 +361,11 @@ void DuneSolver::march(const DownwindGrid& course, double wind_row, const SandWi
     std::vector<double>& seam = state_.seam_flux[axis];
     std::vector<SandUnits>& airborne = state_.airborne[axis];
     const int direction = wind_row < 0.0 ? -1 : 1;
-    const double saturated = settings_.physics.saturated_flux(wind.shear_velocity);
+    const double saturated = settings_.physics.saturated_flux(strongest_ * wind.shear_velocity);
     if (periodic) {
-        if (state_.seam_direction[axis] != direction || !(state_.seam_saturated[axis] > 0.0)) {
+        // A field changes the flux by another factor in each place.
+        const bool other_wind = !strength_.empty() && state_.seam_saturated[axis] != saturated;
+        if (state_.seam_direction[axis] != direction || !(state_.seam_saturated[axis] > 0.0) || other_wind) {
             for (int pass = 0; pass < 2; ++pass)
                 march_.run(course, settings_.border, input, pitch(), front_.data(), sand_next_.data());
             for (size_t b = 0; b < seam.size(); ++b) seam[b] = front_[b] / input.scale;

@@ -133,6 +133,7 @@ class DuneSolver {
     WideVector<float> turned_cos_, turned_sin_, strength_, direction_;
     double first_turn_ = 0.0, turn_spacing_ = 0.0; // radians, of those directions
     int directions_ = 1;
+    double strongest_ = 1.0; // greatest factor of the shear velocity
     WideVector<float> along_sum_, across_sum_, excess_sum_, wake_sum_; // weighted over directions
     WideVector<float> plant_wake_; // deficit of the shear velocity; empty without wakes
     // Shared buffers. First AirFields (along, across, excess) and the envelope; saturate() then overwrites

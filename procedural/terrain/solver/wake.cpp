@@ -8,12 +8,14 @@
 //   u*(x) = u* (1 - (1 - R0) exp(-x / (recovery p)))
 //
 // (G. Okin, "A new model of wind erosion in the presence of vegetation", J. Geophys. Res. 113, 2008; a recovery
-// of 2.1 heights: 99 % of the wind are back after 10). Where wakes meet, the larger deficit counts. Sand settles
+// of 2.1 heights: 99 % of the wind are back after 10). Where wakes meet, the larger deficit counts; a taller plant
+// whose deficit is smaller is forgotten, although its wake would last longer. Sand settles
 // where the wind is weak: a hummock in each tuft with a tail behind it, a nabkha (P. Hesp, "The formation of
 // shadow dunes", J. Sediment. Petrol. 51, 1981). A tail is as wide as the tuft at its start; avalanches make it
 // a ridge.
 //
-// Cost: 3 ns a cell on one core, 10 if plants grow (build/dune_solver speed). Memory: 16 bytes a cell. Deficits below 1/10,000 are cut to 0.
+// Cost: 3 ns a cell on one core, 10 if plants grow (build/dune_solver speed). Memory: 8 bytes a cell, 12
+// if plants grow, and more for oblique winds over open ground. Deficits below 1/10,000 are cut to 0.
 #include "procedural/terrain/solver/wake.h"
 
 #include "procedural/parallel.h"
@@ -35,8 +37,9 @@ MARRAM_HOT void wake_own_deficit(const float* area, float drag, int count, float
 
 // The fraction of a deficit that is left after one sample of a ray. `rate`: samples per metre of plant.
 MARRAM_HOT void wake_kept(const double* height, double rate, int count, float* kept) {
+    const VDouble least = splat(rate / 600.0); // vexp() ends at -700; dead plants have no height
     for (int b = 0; b < count; b += lanes)
-        vstore(kept + b, to_float(vexp(-rate / vmax(splat(1e-9), vload(height + b)))));
+        vstore(kept + b, to_float(vexp(-rate / vmax(least, vload(height + b)))));
 }
 
 // One group of rays; `kept` NULL: `steady`.
@@ -63,7 +66,9 @@ void Wake::find(const DownwindGrid& grid, double recovery, const WakePlants& pla
                 float* deficit) {
     const double spacing = grid.cell * std::hypot(1.0, grid.drift),
                  longest = recovery * plants.full_height * -std::log(double(wake_smallest));
-    const DownwindRays rays(grid, int(std::min(std::ceil(longest / spacing) + 1.0, 1e9)));
+    const double most =
+        8.0 * (double(grid.rows) + grid.columns); // samples: the rest has been passed many times
+    const DownwindRays rays(grid, int(std::min(std::ceil(longest / spacing) + 1.0, most)), 0);
     const size_t count = pitch * size_t(grid.rows);
     const int in_row = (grid.columns + lanes - 1) / lanes * lanes;
     own_.resize(count);

@@ -69,7 +69,8 @@ WindHistory recorded_wind(const WindRecord& record);
 struct WindField {
     std::vector<float> turn;     // radians, from +x towards +z; at most most_turn to either side
     std::vector<float> strength; // factor of the shear velocity, 0 to 10
-    // The march crosses rows at less than 79 degrees to their normal, and the wind itself at 45.
+    // The wind of the moment crosses rows at up to 45 degrees to their normal, the local one at up to 75; the march
+    // does not turn the flux by more than 79.
     static constexpr double most_turn = 30.0 * degree;
     bool empty() const { return turn.empty(); }
 };

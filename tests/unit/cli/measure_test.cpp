@@ -242,7 +242,7 @@ start = 0
     EXPECT_GT(number(steps[0], "error"), 3.0 * number(steps[1], "error")) << done.out;
 }
 
-// The wear of a rock has no heights: its attribute is compared.
+// The wear of a rock has no heights, unlike a terrain beside it: its attribute is compared.
 TEST(Measure, turns_the_paths_of_a_rock) {
     const Folder folder;
     const std::string scene = folder.write("a.toml", std::string(small_picture) + R"([[mesh]]
@@ -255,6 +255,12 @@ name = "boulder"
 mesh = "block"
 material = "soil"
 paths = 64000
+[[procedural]]
+type = "terrain"
+name = "desert"
+size = [8, 8]
+[[procedural.layer]]
+type = "noise"
 )");
     const ProgramResult done =
         marram({"measure", scene, "--out", folder / "report", "--seconds", "1000", "--rounds", "1"});

@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdio>
 #include <numeric>
@@ -37,7 +38,7 @@ struct WakeField {
 
 double wake_own(double area) { return 1.0 - 1.0 / std::sqrt(1.0 + wake_drag * area); }
 
-// A band of plants across the wind, which crosses the grid at five angles, forwards and backwards.
+// A band of plants across the wind, which crosses the grid at four angles, forwards and backwards.
 TEST(Wake, RecoversByOkinsFormulaAtAnyAngle) {
     for (const double drift : {0.0, 0.3, -0.5, 1.0})
         for (const bool backwards : {false, true}) {
@@ -87,6 +88,48 @@ TEST(Wake, TheLargerDeficitCountsAndHeightsDiffer) {
         EXPECT_NEAR(field.at(row, 8), wake_own(1.0) * std::exp(-(row - 5) / 8.0), 1e-5) << row;
     EXPECT_NEAR(field.at(43, 8), wake_own(1.0) * std::exp(-3.0 / 2.0), 1e-5);
     EXPECT_EQ(field.at(4, 8), 0.0);
+}
+
+// Dead plants have no height and no deficit; live ones between them keep their wakes, with winds at any angle.
+TEST(Wake, DeadPlantsChangeNothing) {
+    for (const double drift : {0.0, 0.3, -0.7})
+        for (const double recovery : {1.0, 2.1, 5.0})
+            for (const double cell : {0.25, 0.5, 10.0}) {
+                std::array<WakeField, 2> fields{WakeField({40, 48, false, cell, false, drift}),
+                                                WakeField({40, 48, false, cell, false, drift})};
+                for (size_t k = 0; k < 2; ++k) {
+                    WakeField& field = fields[k];
+                    field.height.assign(field.area.size(), k == 0 ? 0.0 : 1e-12);
+                    for (int column = 20; column < 28; ++column) {
+                        field.plants(8, column) = 0.2F;
+                        field.height[8 * field.pitch() + size_t(column)] = 0.8;
+                    }
+                    field.find(recovery, 1.0);
+                }
+                double most = 0.0;
+                for (int row = 0; row < 40; ++row)
+                    for (int column = 0; column < 48; ++column) {
+                        EXPECT_EQ(fields[0].at(row, column), fields[1].at(row, column));
+                        most = std::max(most, fields[0].at(row, column));
+                    }
+                EXPECT_NEAR(most, wake_own(0.2), 1e-5);
+                EXPECT_LE(most, 1.0);
+            }
+}
+
+// On periodic ground an oblique wake goes around more than once: as on the same pattern, repeated.
+TEST(Wake, GoesAroundAnObliqueWindMoreThanOnce) {
+    WakeField small({8, 32, true, 0.25, false, 0.5}), tiled({64, 32, true, 0.25, false, 0.5});
+    for (int row = 0; row < 64; ++row)
+        for (int column = 0; column < 32; ++column) {
+            const float area = (row % 8 == 3 && column % 16 == 5) ? 0.5F : 0.0F;
+            tiled.plants(row, column) = area;
+            if (row < 8) small.plants(row, column) = area;
+        }
+    small.find(4.0, 2.0), tiled.find(4.0, 2.0);
+    for (int row = 0; row < 8; ++row)
+        for (int column = 0; column < 32; ++column)
+            EXPECT_NEAR(small.at(row, column), tiled.at(row, column), 2e-3) << row << ' ' << column;
 }
 
 TEST(Wake, GoesAroundAPeriodicBorderOnly) {

@@ -11,6 +11,7 @@
 #include <cstdio>
 #include <numeric>
 #include <string>
+#include <utility>
 
 namespace marram {
 namespace {
@@ -170,6 +171,51 @@ TEST(WindField, EachHeapGoesWithItsOwnWind) {
             EXPECT_GT(moved.norm(), 2.0);
             EXPECT_NEAR(angle, half == 0 ? -20.0 : 20.0, 3.0);
         }
+    }
+}
+
+// Level sand stays level at a periodic border when the wind changes, whatever the field's strength.
+TEST(WindField, AChangeOfTheWindLeavesLevelSand) {
+    for (const float strength : {1.5F, 3.0F}) {
+        FieldScene scene;
+        std::fill(scene.sand.begin(), scene.sand.end(), sand_units(5.0));
+        std::fill(scene.field.strength.begin(), scene.field.strength.end(), strength);
+        DuneSolver solver(scene.domain, {}, scene.rock.data(), scene.sand.data(), nullptr, scene.field);
+        for (const double u : {0.2205, 0.4, 0.2205, 0.1, 0.3}) solver.step({1.0, 0.2, u}, 3600.0);
+        std::vector<SandUnits> sand(scene.sand.size());
+        solver.sand(sand);
+        for (const SandUnits units : sand) ASSERT_NEAR(sand_metres(units), 5.0, 1e-3) << strength;
+    }
+}
+
+// Plants that grow, with wakes, in a field: sand is conserved to the unit on grids of any size.
+TEST(WindField, SandIsConservedAmongGrowingPlants) {
+    for (const auto& [nx, nz] : {std::pair(17, 9), std::pair(5, 60), std::pair(33, 80)}) {
+        FieldScene scene;
+        scene.domain = {nx, nz, 1.0, 0.0, 0.0};
+        const size_t count = scene.domain.count();
+        scene.rock.assign(count, 0.0F), scene.sand.assign(count, 0);
+        std::vector<float> plants(count);
+        scene.field.turn.assign(count, 0.0F), scene.field.strength.assign(count, 1.0F);
+        for (size_t k = 0; k < count; ++k) {
+            scene.sand[k] = sand_units(1.0 + 0.8 * std::sin(0.7 * double(k)));
+            scene.field.turn[k] = float(25.0 * degree * std::sin(0.05 * double(k)));
+            plants[k] = k % 5 == 0 ? 1.0F : 0.0F;
+        }
+        DuneSolverSettings settings;
+        settings.border = DuneBorder::open, settings.influx = 0.5;
+        settings.growth = {2.0 / seconds_per_year, 0.5, 0.3, 0.5, 2.1};
+        DuneSolver solver(scene.domain, settings, scene.rock.data(), scene.sand.data(), plants.data(),
+                          scene.field);
+        for (int k = 0; k < 40; ++k) solver.step({0.8, k % 2 == 0 ? 0.6 : -0.6, 0.45}, 1e5);
+        std::vector<SandUnits> sand(count);
+        solver.sand(sand);
+        EXPECT_EQ(std::accumulate(sand.begin(), sand.end(), SandUnits(0)) + solver.out() - solver.in(),
+                  std::accumulate(scene.sand.begin(), scene.sand.end(), SandUnits(0)));
+        EXPECT_GE(*std::min_element(sand.begin(), sand.end()), 0);
+        std::vector<float> cover(count);
+        solver.cover(cover);
+        for (const float share : cover) ASSERT_TRUE(share >= 0.0F && share <= 1.0F);
     }
 }
 

@@ -177,10 +177,12 @@ void compare_attributes(const World& world, const World& reference, SettingResul
     result.worst = scale > 0.0 ? worst / scale : 0.0;
 }
 
-// A dial that changes no height is one of meshes without heights: their attributes count.
+// A dial that changes attributes but no height is one of meshes without heights.
 void choose_error(const std::vector<SettingResult>& by_attribute, DialResult& result) {
     for (const SettingResult& setting : result.settings)
         if (setting.error > 0.0) return;
+    if (std::ranges::none_of(by_attribute, [](const SettingResult& setting) { return setting.error > 0.0; }))
+        return;
     result.dial.error = DialError::attribute;
     for (size_t i = 0; i < by_attribute.size(); ++i) {
         SettingResult& setting = result.settings[i];
@@ -315,11 +317,14 @@ DialResult measure_strands(const Dial& dial, const Session& session, double budg
     DialResult result{dial, std::vector<SettingResult>(dial.settings.size()), 0, {}};
     const double end = wall_seconds() + budget;
     std::vector<Shot> scenes(dial.settings.size());
-    for (size_t i = 0; i < dial.settings.size(); ++i) {
+    const auto load = [&](size_t i) {
         std::vector<std::string> changes = session.thinned;
         changes.insert(changes.end(), dial.settings[i].changes.begin(), dial.settings[i].changes.end());
+        scenes[i] = load_with(session.request, session.cancel, changes);
+    };
+    for (size_t i = 0; i < dial.settings.size(); ++i) {
         try {
-            scenes[i] = load_with(session.request, session.cancel, changes);
+            load(i);
         } catch (const InputError& error) {
             result.settings[i].refused = "refused: " + error.problems.front().what;
         }
@@ -373,12 +378,7 @@ DialResult measure_strands(const Dial& dial, const Session& session, double budg
             if (!result.settings[i].refused.empty()) continue;
             session.progress.now(fmt::format("{}: {}", dial.name, dial.settings[i].label));
             FrameStats stats;
-            if (dial.error == DialError::surface) { // a mesh that has been made is kept
-                std::vector<std::string> changes = session.thinned;
-                changes.insert(changes.end(), dial.settings[i].changes.begin(),
-                               dial.settings[i].changes.end());
-                scenes[i] = load_with(session.request, session.cancel, changes);
-            }
+            if (dial.error == DialError::surface) load(i); // a mesh that has been made would be kept
             build(scenes[i], dial, session, stats);
             rounds.add(i, seconds_of(dial, stats));
         }

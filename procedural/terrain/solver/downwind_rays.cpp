@@ -31,8 +31,6 @@ DownwindRays::DownwindRays(const DownwindGrid& grid, int before, int after)
     groups_ = (count_ + width - 1) / width;
 }
 
-double DownwindRays::spacing() const { return grid_.cell * std::hypot(1.0, grid_.drift); }
-
 DownwindRays::Offset DownwindRays::offset(int step) const {
     const double shift = step * grid_.drift, whole = std::floor(shift);
     return {int(whole), float(shift - whole)};

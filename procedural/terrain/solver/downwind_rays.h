@@ -4,6 +4,7 @@
 
 #include "core/math/simd.h"
 
+#include <cmath>
 #include <cstddef>
 
 namespace marram {
@@ -17,6 +18,7 @@ struct DownwindGrid {
     double drift = 0.0;     // columns per row: -1 to 1, in a wind field up to 3.8
 
     int row(int step) const { return backwards ? rows - 1 - step : step; }
+    double spacing() const { return cell * std::hypot(1.0, drift); } // metres along the wind, from row to row
 };
 
 // Rays along the wind, at any angle to the grid: ray r is at column r + n drift in the n-th row downwind. Values
@@ -26,11 +28,11 @@ class DownwindRays {
   public:
     static constexpr int width = 16; // rays of a group, processed together
 
+    // before, after: samples of a ray before the first row and after the last, on periodic ground.
     DownwindRays(const DownwindGrid& grid, int before, int after);
 
     int groups() const { return groups_; }
     int length() const { return grid_.rows + before_ + after_; } // samples of a ray
-    double spacing() const;                                      // metres between its samples
     size_t pitch() const { return size_t(groups_) * width; }     // of a row of rays
 
     // Reads one group's samples: length() rows of `width` values. `field`: rows of `field_pitch`.

@@ -128,7 +128,7 @@ void separation_sweep(const float* height, float* excess, int length, double cel
 void Separation::find(const DownwindGrid& course, const SeparationSettings& settings, const float* height,
                       double range, size_t pitch, float* excess) {
     const double longest = 3.0 / (std::sqrt(2.0) * std::min(settings.lee, settings.windward)); // K at m = C
-    const double spacing = course.cell * std::hypot(1.0, course.drift);
+    const double spacing = course.spacing();
     const int warm = int(std::min(std::ceil(longest * range / spacing) + 2.0, double(course.rows)));
     const DownwindRays rays(course, warm, warm);
     rays_.resize(rays.pitch() * size_t(course.rows));

@@ -64,7 +64,7 @@ MARRAM_HOT void wake_sweep(int length, const float* kept, float steady, float* d
 
 void Wake::find(const DownwindGrid& grid, double recovery, const WakePlants& plants, size_t pitch,
                 float* deficit) {
-    const double spacing = grid.cell * std::hypot(1.0, grid.drift),
+    const double spacing = grid.spacing(),
                  longest = recovery * plants.full_height * -std::log(double(wake_smallest));
     const double most =
         8.0 * (double(grid.rows) + grid.columns); // samples: the rest has been passed many times

@@ -2,17 +2,19 @@
 // Wind fields that a person draws.
 //
 // Image: the first two channels are the local wind along and across the wind's direction (across: from +x towards
-// +z), in parts of its shear velocity; (1, 0) changes nothing. The image is stretched over the terrain, bilinear.
+// +z), as fractions of its shear velocity; (1, 0) changes nothing. The image is stretched over the terrain, bilinear.
 //
 // Curves: the wind follows them, in the direction in which they are drawn. With phi the angle from the wind to
 // the curve, and d the distance to its points, the wind turns by
 //
-//   (integral of phi w over all curves) / (integral of w + pi / reach),  w = 1 / (d^2 + cell^2) a metre
+//   (integral of phi w over all curves) / (pi / reach + integral of w over all curves)
 //
-// The integrals are exact: over a segment of a line at the distance h, from s0 to s1 along the line, that of w is
-// (atan(s1 / q) - atan(s0 / q)) / q with q^2 = h^2 + cell^2. On a curve the wind follows it. At a distance d from
-// a long straight curve the integral is pi / d: the wind turns by reach / (reach + d) of the curve's angle. Cost:
-// about 30 ns a sample and segment on one core; a segment is two cells long or more.
+// with w = 1 / (d^2 + cell^2) per metre of curve; reach is the distance from a long straight curve at which half of
+// its angle is left. The integrals are exact for each segment: on a line at the distance h, from s0 to s1 along it,
+// the integral of w is (atan(s1 / q) - atan(s0 / q)) / q with q^2 = h^2 + cell^2. On a long straight curve the wind
+// turns by reach / (reach + cell) of its angle, nearly all; at a distance d by reach / (reach + d).
+//
+// Cost: samples times segments. Segments, but the last of a curve, are two cells long or more.
 #include "procedural/terrain/wind_field.h"
 
 #include "procedural/parallel.h"
@@ -27,7 +29,8 @@
 namespace marram {
 namespace {
 
-// Throws if the field turns the wind too far, and names the place where it turns most.
+// Throws if the field is not finite, is stronger than 10, or turns the wind by more than most_turn; the message has
+// the coordinates.
 void check_wind_field(const WindField& field, const Domain& domain, const std::string& place) {
     size_t most = 0;
     for (size_t k = 0; k < field.turn.size(); ++k) {
@@ -47,7 +50,7 @@ void check_wind_field(const WindField& field, const Domain& domain, const std::s
             fmt::format("the wind field turns the wind by {:.1f} degrees at ({:g}, {:g}), more than {:g}",
                         turn, domain.x(int(most % size_t(domain.nx))),
                         domain.z(int(most / size_t(domain.nx))), WindField::most_turn / degree),
-            "draw it closer to the wind's direction");
+            "keep its curves or image closer to the wind's direction");
 }
 
 struct FieldSegment {
@@ -117,8 +120,8 @@ WindField wind_field_along(const std::vector<DrawnCurve>& curves, double reach, 
                            const Vec2d& wind, const std::string& place) {
     const std::vector<FieldSegment> segments = field_segments(curves, wind, domain);
     if (segments.empty())
-        throw SceneFault("terrain.wind_field", place, "the curves of the wind have no length",
-                         "give them two points or more");
+        throw SceneFault("terrain.wind_field", place, "the curves of the wind field have no length",
+                         "give each two different points or more");
     WindField field;
     field.turn.resize(domain.count());
     field.strength.assign(domain.count(), 1.0F);

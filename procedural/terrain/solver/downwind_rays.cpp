@@ -23,10 +23,10 @@ MARRAM_HOT void downwind_between(const float* values, float part, int count, flo
 
 } // namespace
 
-DownwindRays::DownwindRays(const DownwindGrid& grid, int before, int after)
-    : grid_(grid), before_(grid.periodic ? before : 0), after_(grid.periodic ? after : 0) {
+DownwindRays::DownwindRays(const DownwindGrid& grid, int lead, int tail)
+    : grid_(grid), lead_(grid.periodic ? lead : 0), tail_(grid.periodic ? tail : 0) {
     const int swept = int(std::ceil(std::abs(grid.drift) * (grid.rows - 1)));
-    first_ = grid.periodic || grid.drift < 0.0 ? 0 : -swept;
+    first_column_ = grid.periodic || grid.drift < 0.0 ? 0 : -swept;
     count_ = grid.columns + (grid.periodic ? 0 : swept + 1);
     groups_ = (count_ + width - 1) / width;
 }
@@ -37,9 +37,9 @@ DownwindRays::Offset DownwindRays::offset(int step) const {
 }
 
 void DownwindRays::gather(const float* field, size_t field_pitch, int group, float* samples) const {
-    const int rows = grid_.rows, columns = grid_.columns, first = first_ + group * width;
+    const int rows = grid_.rows, columns = grid_.columns, first = first_column_ + group * width;
     for (int n = 0; n < length(); ++n) {
-        const int step = n - before_;
+        const int step = n - lead_;
         const Offset shift = offset(step);
         const int wrapped = grid_.periodic ? ((step % rows) + rows) % rows : step;
         const float* row = field + size_t(grid_.row(wrapped)) * field_pitch;
@@ -63,7 +63,7 @@ void DownwindRays::gather(const float* field, size_t field_pitch, int group, flo
 void DownwindRays::store(const float* samples, int group, float* rays) const {
     for (int step = 0; step < grid_.rows; ++step)
         std::memcpy(rays + size_t(grid_.row(step)) * pitch() + size_t(group) * width,
-                    samples + size_t(step + before_) * width, width * sizeof(float));
+                    samples + size_t(step + lead_) * width, width * sizeof(float));
 }
 
 void DownwindRays::scatter(const float* rays, float* field, size_t field_pitch) const {
@@ -85,7 +85,7 @@ void DownwindRays::scatter(const float* rays, float* field, size_t field_pitch) 
             }
         } else
             for (int b = 0; b < columns; ++b) {
-                const int r = b - shift.whole - first_;
+                const int r = b - shift.whole - first_column_;
                 const float here = r < count_ ? from[r] : 0.0F, before = r > 0 ? from[r - 1] : 0.0F;
                 to[b] = here + shift.part * (before - here);
             }

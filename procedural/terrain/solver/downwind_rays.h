@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// How the wind crosses the grid, and fields along rays that run with it.
+// Fields along rays that run with the wind.
 #pragma once
 
 #include "core/math/simd.h"
@@ -15,9 +15,11 @@ struct DownwindGrid {
     bool periodic = false; // else the ground continues beyond the border at the border's height
     double cell = 1.0;
     bool backwards = false; // the wind crosses from the last row to the first
-    double drift = 0.0;     // columns per row: -1 to 1, in a wind field up to 3.8
+    double drift =
+        0.0; // tangent of the wind's angle to the rows' normal, columns per row: at most 1 either way, 3.8 in a
+             // wind field
 
-    int row(int step) const { return backwards ? rows - 1 - step : step; }
+    int row(int n) const { return backwards ? rows - 1 - n : n; }
     double spacing() const { return cell * std::hypot(1.0, drift); } // metres along the wind, from row to row
 };
 
@@ -28,18 +30,18 @@ class DownwindRays {
   public:
     static constexpr int width = 16; // rays of a group, processed together
 
-    // before, after: samples of a ray before the first row and after the last, on periodic ground.
-    DownwindRays(const DownwindGrid& grid, int before, int after);
+    // lead, tail: samples of a ray before the first row and after the last, on periodic ground.
+    DownwindRays(const DownwindGrid& grid, int lead, int tail);
 
     int groups() const { return groups_; }
-    int length() const { return grid_.rows + before_ + after_; } // samples of a ray
-    size_t pitch() const { return size_t(groups_) * width; }     // of a row of rays
+    int length() const { return grid_.rows + lead_ + tail_; } // samples of a ray
+    size_t pitch() const { return size_t(groups_) * width; }  // values in one row of all rays
 
     // Reads one group's samples: length() rows of `width` values. `field`: rows of `field_pitch`.
     void gather(const float* field, size_t field_pitch, int group, float* samples) const;
-    // Writes one group's samples to `rays`: rows of pitch() values, without those before and after.
+    // Writes one group's samples to `rays`: rows of pitch() values, without lead and tail.
     void store(const float* samples, int group, float* rays) const;
-    // Interpolates the rays back onto the grid. In parallel over rows.
+    // Interpolates the rays back onto the grid; of values of 0 or more. In parallel over rows.
     void scatter(const float* rays, float* field, size_t field_pitch) const;
 
   private:
@@ -50,8 +52,8 @@ class DownwindRays {
     Offset offset(int step) const;
 
     DownwindGrid grid_;
-    int before_, after_;         // 0 unless periodic
-    int first_, count_, groups_; // first_: the first ray
+    int lead_, tail_;                   // 0 unless periodic
+    int first_column_, count_, groups_; // first_column_: of the first ray, in the first row
 };
 
 } // namespace marram

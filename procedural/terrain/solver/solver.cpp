@@ -243,15 +243,16 @@ void DuneSolver::orient(bool transposed) {
     std::swap(rows_, columns_);
     transposed_ = transposed;
     const size_t to = pitch();
-    const auto turn = [&](auto& field) {
+    const auto transpose = [&](auto& field) {
         if (field.empty()) return;
         std::remove_reference_t<decltype(field)> turned(field.size());
         solver_transpose(field.data(), rows, columns, from, turned.data(), to);
         field.swap(turned);
     };
-    turn(ground_), turn(height_), turn(before_), turn(plants_), turn(most_plants_), turn(plant_height_);
-    turn(turned_cos_), turn(turned_sin_), turn(strength_), turn(direction_);
-    for (float& sine : turned_sin_) sine = -sine; // rows and columns change places
+    transpose(ground_), transpose(height_), transpose(before_), transpose(plants_), transpose(most_plants_),
+        transpose(plant_height_);
+    transpose(turn_cos_), transpose(turn_sin_), transpose(stress_factor_), transpose(direction_index_);
+    for (float& sine : turn_sin_) sine = -sine; // rows and columns change places
     std::fill(sand_next_.begin(), sand_next_.end(), 0.0);
     solver_transpose(sand_.data(), rows, columns, from, sand_next_.data(), to);
     sand_.swap(sand_next_);
@@ -261,20 +262,21 @@ void DuneSolver::set_wind_field(const WindField& field) {
     constexpr double apart = 15.0 * degree; // of directions, at most
     const auto [least, most] = std::minmax_element(field.turn.begin(), field.turn.end());
     const double range = double(*most) - double(*least);
-    directions_ = 1 + int(std::ceil(range / apart - 0.001)); // rounding is not another direction
-    turn_spacing_ = directions_ > 1 ? range / (directions_ - 1) : 0.0;
-    first_turn_ = directions_ > 1 ? double(*least) : 0.5 * (double(*least) + double(*most));
-    strongest_ = double(*std::max_element(field.strength.begin(), field.strength.end()));
+    direction_count_ = 1 + int(std::ceil(range / apart - 0.001)); // rounding is not another direction
+    turn_spacing_ = direction_count_ > 1 ? range / (direction_count_ - 1) : 0.0;
+    first_turn_ = direction_count_ > 1 ? double(*least) : 0.5 * (double(*least) + double(*most));
+    greatest_strength_ = double(*std::max_element(field.strength.begin(), field.strength.end()));
     std::vector<float> values(field.turn.size());
     const auto set = [&](WideVector<float>& to, auto&& value) {
         for (size_t k = 0; k < values.size(); ++k) values[k] = float(value(k));
         to.assign(ground_.size(), 0.0F);
         solver_copy(values.data(), rows_, columns_, size_t(domain_.nx), to.data(), pitch());
     };
-    set(turned_cos_, [&](size_t k) { return std::cos(double(field.turn[k])); });
-    set(turned_sin_, [&](size_t k) { return -std::sin(double(field.turn[k])); }); // rows along z
-    set(strength_, [&](size_t k) { return double(field.strength[k]) * double(field.strength[k]); });
-    set(direction_, [&](size_t k) {
+    set(turn_cos_, [&](size_t k) { return std::cos(double(field.turn[k])); });
+    set(turn_sin_,
+        [&](size_t k) { return -std::sin(double(field.turn[k])); }); // columns grow with x, rows with z
+    set(stress_factor_, [&](size_t k) { return double(field.strength[k]) * double(field.strength[k]); });
+    set(direction_index_, [&](size_t k) {
         return turn_spacing_ > 0.0 ? (double(field.turn[k]) - first_turn_) / turn_spacing_ : 0.0;
     });
 }
@@ -361,10 +363,10 @@ void DuneSolver::march(const DownwindGrid& course, double wind_row, const SandWi
     std::vector<double>& seam = state_.seam_flux[axis];
     std::vector<SandUnits>& airborne = state_.airborne[axis];
     const int direction = wind_row < 0.0 ? -1 : 1;
-    const double saturated = settings_.physics.saturated_flux(strongest_ * wind.shear_velocity);
+    const double saturated = settings_.physics.saturated_flux(greatest_strength_ * wind.shear_velocity);
     if (periodic) {
         // A field changes the flux by another factor in each place.
-        const bool other_wind = !strength_.empty() && state_.seam_saturated[axis] != saturated;
+        const bool other_wind = !stress_factor_.empty() && state_.seam_saturated[axis] != saturated;
         if (state_.seam_direction[axis] != direction || !(state_.seam_saturated[axis] > 0.0) || other_wind) {
             for (int pass = 0; pass < 2; ++pass)
                 march_.run(course, settings_.border, input, pitch(), front_.data(), sand_next_.data());
@@ -413,25 +415,25 @@ void DuneSolver::march(const DownwindGrid& course, double wind_row, const SandWi
     });
 }
 
-void DuneSolver::add_air(int direction, bool first) {
+void DuneSolver::blend_air(int direction, bool first) {
     struct Field {
         const WideVector<float>& from;
         WideVector<float>& sum;
     };
-    for (const Field& field : {Field{along_flux_, along_sum_}, Field{across_relax_, across_sum_},
-                               Field{excess_turn_, excess_sum_}, Field{plant_wake_, wake_sum_}}) {
+    for (const Field& field : {Field{along_flux_, along_mean_}, Field{across_relax_, across_mean_},
+                               Field{excess_turn_, excess_mean_}, Field{wake_deficit_, wake_mean_}}) {
         if (field.from.empty()) continue;
         field.sum.resize(field.from.size());
         marram::parallel_for(0, rows_, [&](int r) {
             const size_t at = size_t(r) * pitch();
-            solver_weigh(direction_.data() + at, float(direction), first, field.from.data() + at,
+            solver_weigh(direction_index_.data() + at, float(direction), first, field.from.data() + at,
                          solver_lanes(columns_), field.sum.data() + at);
         });
     }
 }
 
 // Bubbles, wakes and stress for a wind everywhere along the unit vector (x, z).
-void DuneSolver::air_of_one_wind(double x, double z) {
+void DuneSolver::compute_air_of_one_wind(double x, double z) {
     const double wind_row = transposed_ ? x : z, wind_column = transposed_ ? z : x;
     const DownwindGrid course = {rows_,        columns_,       settings_.border == DuneBorder::periodic,
                                  domain_.cell, wind_row < 0.0, wind_column / std::abs(wind_row)};
@@ -443,11 +445,11 @@ void DuneSolver::air_of_one_wind(double x, double z) {
     const PlantGrowth& growth = settings_.growth;
     if (!plants_.empty() && growth.wake > 0.0) {
         const StageTimer clock(times_.wake);
-        plant_wake_.resize(plants_.size());
+        wake_deficit_.resize(plants_.size());
         wake_.find(course, growth.wake,
                    {plants_.data(), plant_height_.empty() ? nullptr : plant_height_.data(), growth.height,
                     settings_.plant_drag},
-                   pitch(), plant_wake_.data());
+                   pitch(), wake_deficit_.data());
     }
     const StageTimer clock(times_.shear);
     envelope();
@@ -457,18 +459,18 @@ void DuneSolver::air_of_one_wind(double x, double z) {
 
 // The air for the wind of the moment, along the unit vector (x, z), and the wind field. Returns the greatest
 // drift of its directions, columns per row.
-double DuneSolver::air(double x, double z) {
+double DuneSolver::compute_air(double x, double z) {
     double drift = 0.0;
-    for (int k = 0; k < directions_; ++k) {
+    for (int k = 0; k < direction_count_; ++k) {
         const double turn = first_turn_ + k * turn_spacing_, c = std::cos(turn), s = std::sin(turn);
         const double turned_x = c * x - s * z, turned_z = c * z + s * x;
-        air_of_one_wind(turned_x, turned_z);
+        compute_air_of_one_wind(turned_x, turned_z);
         drift = std::max(drift, std::abs(transposed_ ? turned_z / turned_x : turned_x / turned_z));
-        if (directions_ > 1) add_air(k, k == 0);
+        if (direction_count_ > 1) blend_air(k, k == 0);
     }
-    if (directions_ > 1)
-        along_flux_.swap(along_sum_), across_relax_.swap(across_sum_), excess_turn_.swap(excess_sum_),
-            plant_wake_.swap(wake_sum_);
+    if (direction_count_ > 1)
+        along_flux_.swap(along_mean_), across_relax_.swap(across_mean_), excess_turn_.swap(excess_mean_),
+            wake_deficit_.swap(wake_mean_);
     return drift;
 }
 
@@ -479,7 +481,7 @@ double DuneSolver::step(const SandWind& wind, double seconds) {
     const double wind_row = transposed_ ? x : z, wind_column = transposed_ ? z : x;
     const bool periodic = settings_.border == DuneBorder::periodic;
     surface();
-    const double drift = air(x, z);
+    const double drift = compute_air(x, z);
     const DownwindGrid course = {rows_, columns_, periodic, domain_.cell, wind_row < 0.0, drift};
     SaturationMaxima peak;
     {
@@ -489,10 +491,10 @@ double DuneSolver::step(const SandWind& wind, double seconds) {
                                along_flux_.data(),
                                across_relax_.data(),
                                plants_.empty() ? nullptr : plants_.data(),
-                               turned_cos_.empty() ? nullptr : turned_cos_.data(),
-                               turned_sin_.empty() ? nullptr : turned_sin_.data(),
-                               strength_.empty() ? nullptr : strength_.data(),
-                               plant_wake_.empty() ? nullptr : plant_wake_.data()};
+                               turn_cos_.empty() ? nullptr : turn_cos_.data(),
+                               turn_sin_.empty() ? nullptr : turn_sin_.data(),
+                               stress_factor_.empty() ? nullptr : stress_factor_.data(),
+                               wake_deficit_.empty() ? nullptr : wake_deficit_.data()};
         peak =
             saturate(course, settings_.border, settings_.physics, settings_.plant_drag, wind_row, wind_column,
                      wind.shear_velocity, air, pitch(),

@@ -75,8 +75,8 @@ class DuneSolver {
     static std::string problem(const Domain& domain, const DuneSolverSettings& settings, const float* bedrock,
                                const SandUnits* sand, const WindField& field = {});
 
-    // `plants`: fraction of the ground that full-grown plants cover, 0 to 1, or NULL. `field`: where the wind
-    // differs. Copies all arrays.
+    // `plants`: fraction of the ground that full-grown plants cover, 0 to 1, or NULL. `field`: how the wind
+    // differs from place to place; empty: nowhere. Copies all arrays.
     DuneSolver(const Domain& domain, const DuneSolverSettings& settings, const float* bedrock,
                const SandUnits* sand, const float* plants = nullptr, const WindField& field = {});
 
@@ -96,7 +96,7 @@ class DuneSolver {
     void cover(std::span<float> out) const;
     const DuneTimes& times() const { return times_; }
     // For how many directions of the wind the air is computed in each step: 1 without a wind field.
-    int wind_directions() const { return directions_; }
+    int wind_directions() const { return direction_count_; }
 
     DuneState save() const;
     void restore(const DuneState& state);
@@ -106,9 +106,9 @@ class DuneSolver {
     void set_wind_field(const WindField& field);
     void surface();
     void envelope();
-    double air(double x, double z);
-    void air_of_one_wind(double x, double z);
-    void add_air(int direction, bool first);
+    double compute_air(double x, double z);
+    void compute_air_of_one_wind(double x, double z);
+    void blend_air(int direction, bool first);
     void set_plants();
     void grow(double seconds);
     double stable_step(double stress) const;
@@ -128,14 +128,16 @@ class DuneSolver {
     WideVector<double> plant_height_; // metres; double, because the change per step is below float precision
     WideVector<double> sand_, sand_next_;
     WideVector<float> air_height_;
-    // The wind field: cosine and sine of the turn from the rows' normal towards the columns, factor of the
-    // stress, and the direction as a position among those the air is computed for. Empty without one.
-    WideVector<float> turned_cos_, turned_sin_, strength_, direction_;
-    double first_turn_ = 0.0, turn_spacing_ = 0.0; // radians, of those directions
-    int directions_ = 1;
-    double strongest_ = 1.0; // greatest factor of the shear velocity
-    WideVector<float> along_sum_, across_sum_, excess_sum_, wake_sum_; // weighted over directions
-    WideVector<float> plant_wake_; // deficit of the shear velocity; empty without wakes
+    // The wind field: cosine and sine of its turn relative to the wind of the moment, positive from the rows' normal
+    // towards increasing columns; factor of the stress; and the local direction as a fractional index among the
+    // directions that compute_air() goes through. Empty without one.
+    WideVector<float> turn_cos_, turn_sin_, stress_factor_, direction_index_;
+    double first_turn_ = 0.0, turn_spacing_ = 0.0; // radians: of direction 0, and between neighbours
+    int direction_count_ = 1;
+    double greatest_strength_ = 1.0; // greatest factor of the shear velocity
+    WideVector<float> along_mean_, across_mean_, excess_mean_,
+        wake_mean_;                  // over directions, if there are several
+    WideVector<float> wake_deficit_; // deficit of the shear velocity; empty without wakes
     // Shared buffers. First AirFields (along, across, excess) and the envelope; saturate() then overwrites
     // them row by row with SaturationFields (flux, relax, turn, reach).
     WideVector<float> along_flux_, across_relax_, excess_turn_, envelope_reach_;

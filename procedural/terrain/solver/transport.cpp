@@ -78,7 +78,7 @@ int transport_substeps(double turn) { return std::clamp(int(std::ceil(turn - 0.0
 
 struct SaturationRow {
     const float *before, *here, *after; // heights; `here` is padded on both sides
-    const float *excess, *along, *across, *plants, *wake, *turned_cos, *turned_sin, *strength;
+    const float *excess, *along, *across, *plants, *wake, *turn_cos, *turn_sin, *stress_factor;
     float *flux, *relax, *turn, *reach;
     float *cell_turn, *gain, *rise;   // scratch rows, padded by one before the start
     int columns, count;               // count: columns rounded up to a multiple of 8
@@ -103,8 +103,8 @@ MARRAM_HOT SaturationMaxima transport_saturate(const SaturationRow& row) {
         const VFloat inverse = size > 0.0F ? one / size : none;
         const VFloat u = size > 0.0F ? along * inverse : one, v = size > 0.0F ? across * inverse : none;
         VFloat wind_row = none + row.wind_row, wind_column = none + row.wind_column;
-        if (row.turned_cos) {
-            const VFloat c = vload(row.turned_cos + b), s = row.side * vload(row.turned_sin + b);
+        if (row.turn_cos) {
+            const VFloat c = vload(row.turn_cos + b), s = row.side * vload(row.turn_sin + b);
             const VFloat turned = wind_row * c - wind_column * s;
             wind_column = wind_column * c + wind_row * s;
             wind_row = turned;
@@ -120,7 +120,7 @@ MARRAM_HOT SaturationMaxima transport_saturate(const SaturationRow& row) {
         const VFloat turn = vmax(-limit, vmin(limit, side / ahead));
         const VFloat e_row = one / vsqrt(one + turn * turn);
         VFloat stress = row.stress * size;
-        if (row.strength) stress *= vload(row.strength + b);
+        if (row.stress_factor) stress *= vload(row.stress_factor + b);
         if (row.plants) {
             const VFloat open_stress = stress;
             stress /= 1.0F + row.plant_drag * vload(row.plants + b);
@@ -340,9 +340,9 @@ SaturationMaxima saturate(const DownwindGrid& course, DuneBorder border, const S
         row.excess = air.excess + at, row.along = air.along + at, row.across = air.across + at;
         row.plants = air.plants ? air.plants + at : nullptr;
         row.wake = air.wake ? air.wake + at : nullptr;
-        if (air.turned_cos)
-            row.turned_cos = air.turned_cos + at, row.turned_sin = air.turned_sin + at,
-            row.strength = air.strength + at;
+        if (air.turn_cos)
+            row.turn_cos = air.turn_cos + at, row.turn_sin = air.turn_sin + at,
+            row.stress_factor = air.stress_factor + at;
         row.flux = out.flux + at, row.relax = out.relax + at, row.turn = out.turn + at,
         row.reach = out.reach + at;
         row.columns = course.columns;

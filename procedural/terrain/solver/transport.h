@@ -35,17 +35,16 @@ struct SandPhysics {
     }
 };
 
-// Inputs from the air, per cell; rows of `pitch` floats. turned_* and strength: NULL without a wind field.
+// Inputs from the air, per cell; rows of `pitch` floats. turn_* and stress_factor: NULL without a wind field.
 struct AirFields {
     const float* height = nullptr; // metres
     const float* excess = nullptr; // height of the bubble's streamline above the ground, metres
     const float* along = nullptr;  // relative perturbation of the stress along the wind
     const float* across = nullptr; // the same across the wind, towards (-wind_column, wind_row)
     const float* plants = nullptr; // frontal area of plants per area of ground; NULL: none
-    const float *turned_cos = nullptr,
-                *turned_sin =
-                    nullptr;         // local wind: the wind turned from the rows' normal towards the columns
-    const float* strength = nullptr; // factor of its stress
+    const float *turn_cos = nullptr,
+                *turn_sin = nullptr; // local wind: the wind turned from the rows' normal towards the columns
+    const float* stress_factor = nullptr; // factor of its stress
     const float* wake = nullptr; // missing fraction of the shear velocity behind plants (wake.h); NULL: none
 };
 

@@ -23,7 +23,7 @@ class Wake {
               float* deficit);
 
   private:
-    WideVector<float> own_, kept_, rays_;
+    WideVector<float> own_, decay_, rays_;
 };
 
 } // namespace marram

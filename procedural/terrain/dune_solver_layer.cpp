@@ -47,6 +47,17 @@
 //     growth = 6
 //     cover = "grass"
 //
+// Obstacles. `obstacle` names a mesh that stands in the wind and in the sand: a ruin, boulders. It enters the
+// model as rock with the height of its top (obstacle.cpp; doors and arches are open). The air separates in front
+// of its walls and behind them, and closes in from the sides (separation.cpp): sand gathers there, climbs and
+// buries walls, and is left in rooms and in the lee. The sand inside the mesh stays as it is; in the picture it is
+// raised or lowered to the level beside it, which is not counted as moved. Cells should be at most half as wide as
+// a wall is thick: thinner walls do not keep the sand levels of their two sides apart.
+//
+//     [[procedural.layer]]
+//     type = "dune_solver"
+//     obstacle = "ruin"
+//
 // Limits. One such layer a terrain. Grooms on the terrain are placed anew each frame; the ground does not
 // move within a shutter interval.
 #include "procedural/terrain/dune_solver_layer.h"
@@ -55,6 +66,7 @@
 #include "procedural/terrain/shape_layer.h"
 
 #include "core/math/hash.h"
+#include "procedural/terrain/obstacle.h"
 #include "procedural/terrain/simulation.h"
 #include "procedural/terrain/wind_field.h"
 
@@ -74,6 +86,7 @@ struct DuneRun {
     DuneSolverSettings settings;
     WindHistory wind;
     WindField field;
+    Obstacle obstacle;
     DriftPotential drift;
     std::string plants;                         // mask name; "": none
     std::string cover;                          // name of the output mask; "": none
@@ -81,6 +94,39 @@ struct DuneRun {
     double start = 0.0;
     int keep_every = 10;
     std::string place;
+};
+
+// The terrain with the obstacle as bedrock: the sand that it displaces is set aside.
+struct DuneGround {
+    std::vector<Obstacle::Top> tops;
+    std::vector<float> bedrock;       // empty without an obstacle
+    std::vector<SandUnits> sand;      // likewise
+    std::vector<SandUnits> displaced; // by each of `tops`
+
+    DuneGround(const Domain& domain, const Fields& below, const Obstacle& obstacle) {
+        if (obstacle.empty()) return;
+        tops = obstacle.tops(below);
+        bedrock.assign(below.bedrock, below.bedrock + domain.count());
+        sand.assign(below.sand, below.sand + domain.count());
+        for (const Obstacle::Top& top : tops) {
+            const size_t k = top.sample;
+            const SandUnits on_top =
+                std::clamp(sand_units(below.height(k) - double(top.height)), SandUnits(0), below.sand[k]);
+            displaced.push_back(below.sand[k] - on_top);
+            bedrock[k] = std::max(bedrock[k], top.height), sand[k] = on_top;
+        }
+    }
+    // Puts the displaced sand back. `blown`: the solver's sand.
+    void finish(const Domain& domain, const Fields& below, SandUnits* blown) const {
+        std::vector<SandUnits> on_top;
+        for (size_t k = 0; k < tops.size(); ++k) {
+            const size_t at = tops[k].sample;
+            on_top.push_back(blown[at]);
+            blown[at] +=
+                on_top[k] > 0 ? sand_units(double(bedrock[at]) - double(below.bedrock[at])) : displaced[k];
+        }
+        fill_obstacle(domain, below.bedrock, tops, on_top, blown);
+    }
 };
 
 class DuneSolverLayer : public TerrainLayer {
@@ -141,12 +187,14 @@ bool DuneSolverLayer::evaluate_whole(const Fields& below, const LayerOutput& out
     evaluate({0, 0, domain_.nx, domain_.nz}, below, out);
     const bool blown = run_.frames > 0.0 && run_.seconds_a_frame > 0.0;
     if (!blown && run_.cover.empty()) return true;
-    const std::string problem =
-        DuneSolver::problem(domain_, run_.settings, below.bedrock, below.sand, run_.field);
+    const DuneGround ground(domain_, below, run_.obstacle);
+    const float* const bedrock = ground.bedrock.empty() ? below.bedrock : ground.bedrock.data();
+    const SandUnits* const sand = ground.sand.empty() ? below.sand : ground.sand.data();
+    const std::string problem = DuneSolver::problem(domain_, run_.settings, bedrock, sand, run_.field);
     if (!problem.empty())
         throw SceneFault("terrain.dune_solver", run_.place, problem, "change the layers below, or the cells");
     const float* const plants = run_.plants.empty() ? nullptr : find_mask(below, run_.plants);
-    DuneSolver solver(domain_, run_.settings, below.bedrock, below.sand, plants, run_.field);
+    DuneSolver solver(domain_, run_.settings, bedrock, sand, plants, run_.field);
     double from = 0.0;
     if (blown && simulation_) {
         double frame = 0.0;
@@ -160,6 +208,7 @@ bool DuneSolverLayer::evaluate_whole(const Fields& below, const LayerOutput& out
     }
     if (blown && !advance(solver, from, cancelled)) return false;
     solver.sand({out.sand, domain_.count()});
+    if (!ground.tops.empty()) ground.finish(domain_, below, out.sand);
     if (!run_.cover.empty()) solver.cover({out.masks[0], domain_.count()});
     if (!out.notes) return true;
     const double area = domain_.cell * domain_.cell;
@@ -170,7 +219,8 @@ bool DuneSolverLayer::evaluate_whole(const Fields& below, const LayerOutput& out
                           {"dp", run_.drift.dp},
                           {"rdp", run_.drift.rdp},
                           {"rdp_dp", run_.drift.ratio()},
-                          {"wind_directions", double(solver.wind_directions())}};
+                          {"wind_directions", double(solver.wind_directions())},
+                          {"obstacle_samples", double(ground.tops.size())}};
     return true;
 }
 
@@ -207,6 +257,8 @@ constexpr std::array dune_solver_values = {
                 "distance from a curve at which the wind follows it by half"},
     MarramParam{"wind_map", MARRAM_IMAGE, "", "none", 0, 0, "",
                 "image of the wind along and across its direction, relative to it: (1, 0) changes nothing"},
+    MarramParam{"obstacle", MARRAM_MESH_NAME, "", "none", 0, 0, "",
+                "a mesh that stands in the wind and in the sand, such as a ruin"},
     MarramParam{"plants", MARRAM_TEXT, "", "none", 0, 0, "",
                 "name of a mask: the share of the ground that plants cover"},
     MarramParam{"frontal_area", MARRAM_NUMBER, "", "0.2", 0, 100, "",
@@ -340,6 +392,14 @@ std::unique_ptr<TerrainLayer> make_dune_solver(const LayerContext& context) {
     double known = 0.0;
     run.wind = dune_wind(context, known);
     run.field = dune_wind_field(context);
+    if (values.has("obstacle")) {
+        run.obstacle = Obstacle(context.domain, context.mesh(values.text("obstacle")));
+        if (run.obstacle.empty() && context.warn)
+            context.warn(values.place("obstacle"),
+                         "the mesh '" + values.text("obstacle") + "' is not on the terrain",
+                         "move it, or make the terrain larger");
+        run.settings.separation.convergence = 0.25;
+    }
     run.drift = drift_potential(winds_between(run.wind, 0.0, known), run.settings.physics);
     if (values.has("plants")) run.plants = required_mask_name(context, "plants");
     run.cover = dune_cover(values);

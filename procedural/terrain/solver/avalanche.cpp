@@ -11,6 +11,11 @@
 // four quads; on a uniform slope neighbouring moves add up to a diffusion with number w, stable below 1 / 2;
 // w = 0.4. Moves are whole units and at most a quarter of a sample's sand, so no sand becomes negative.
 //
+// A sample with less sand than the diameter of a grain gives none. If it stands above all sand of its quad it is
+// rock or a wall, and its height is no slope of the sand: the quad's slope is then that of its other samples, a
+// plane through three or the slope between two neighbours. Between two that face each other across a corner of rock
+// no sand moves.
+//
 // Tiles of 32 x 32 quads sleep. A tile wakes if one of its quads exceeds the static angle or a neighbouring
 // tile moved sand. In an awake tile all quads above the dynamic angle plus 0.1 degrees move towards the
 // dynamic angle. (Without that slack they would converge unit by unit.) Sweeps end when all tiles sleep, or
@@ -26,6 +31,7 @@
 #include "procedural/terrain/fields.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstring>
 
@@ -35,6 +41,7 @@ namespace {
 constexpr int avalanche_side = 32;     // quads along a tile's side
 constexpr double avalanche_rate = 0.4; // w
 constexpr double avalanche_slack = 0.1 * degree;
+constexpr double avalanche_grain = 0x1p-12 * sand_units_per_metre; // 0.24 mm
 
 // Sets tiles[] where a quad between two rows is too steep. `limit`: square of twice the height difference.
 MARRAM_HOT void avalanche_scan(const float* upper, const float* lower, int quads, float limit, char* tiles) {
@@ -62,6 +69,31 @@ struct AvalancheGrid {
 
 constexpr size_t avalanche_slot = size_t(2) * avalanche_side * avalanche_side; // doubles
 
+// Replaces the heights of a quad's samples that are bare rock above all its sand by those that continue the sand
+// beside them. Returns false if no sand can move.
+bool avalanche_without_rock(const std::array<double, 4>& sand, std::array<double, 4>& height) {
+    double highest = -infinity; // of the sand
+    for (size_t k = 0; k < 4; ++k)
+        if (sand[k] >= avalanche_grain) highest = std::max(highest, height[k]);
+    std::array<bool, 4> rock{};
+    int count = 0;
+    for (size_t k = 0; k < 4; ++k) {
+        rock[k] = sand[k] < avalanche_grain && height[k] > highest;
+        count += int(rock[k]);
+    }
+    if (count == 0) return true;
+    if (count > 2) return false;
+    for (size_t k = 0; k < 4; ++k) { // a, b, c, d: k ^ 1 and k ^ 2 are beside k, k ^ 3 is opposite
+        if (!rock[k]) continue;
+        if (rock[k ^ 3]) return false;
+        if (count == 1)
+            height[k] = height[k ^ 1] + height[k ^ 2] - height[k ^ 3];
+        else
+            height[k] = height[rock[k ^ 1] ? k ^ 2 : k ^ 1];
+    }
+    return true;
+}
+
 // Computes the moves of all quads of a tile. Returns false if all are 0.
 bool avalanche_moves(const AvalancheGrid& grid, int tile_row, int tile_column, double stops, double still,
                      const float* ground, const double* sand, double* moves) {
@@ -80,12 +112,21 @@ bool avalanche_moves(const AvalancheGrid& grid, int tile_row, int tile_column, d
                          b = double(ground[upper + next]) * sand_units_per_metre + sb,
                          c = double(ground[lower + here]) * sand_units_per_metre + sc,
                          d = double(ground[lower + next]) * sand_units_per_metre + sd;
-            const double gb = 0.5 * ((b - a) + (d - c)), ga = 0.5 * ((c - a) + (d - b));
-            const double square = gb * gb + ga * ga;
+            double gb = 0.5 * ((b - a) + (d - c)), ga = 0.5 * ((c - a) + (d - b));
+            double square = gb * gb + ga * ga;
             if (!(square > still * still)) continue;
+            if (std::min({sa, sb, sc, sd}) < avalanche_grain) {
+                std::array<double, 4> height = {a, b, c, d};
+                if (!avalanche_without_rock({sa, sb, sc, sd}, height)) continue;
+                gb = 0.5 * ((height[1] - height[0]) + (height[3] - height[2]));
+                ga = 0.5 * ((height[2] - height[0]) + (height[3] - height[1]));
+                square = gb * gb + ga * ga;
+                if (!(square > still * still)) continue;
+            }
             const double k = 0.5 * avalanche_rate * (1.0 - stops / std::sqrt(square));
-            const double d1 = std::trunc(std::clamp(k * (gb + ga), -0.25 * sa, 0.25 * sd));
-            const double d2 = std::trunc(std::clamp(k * (ga - gb), -0.25 * sb, 0.25 * sc));
+            const auto most = [](double units) { return units < avalanche_grain ? 0.0 : 0.25 * units; };
+            const double d1 = std::trunc(std::clamp(k * (gb + ga), -most(sa), most(sd)));
+            const double d2 = std::trunc(std::clamp(k * (ga - gb), -most(sb), most(sc)));
             double* const move = moves + 2 * (size_t(i - i0) * avalanche_side + size_t(j - j0));
             move[0] = d1, move[1] = d2;
             any = any || d1 != 0.0 || d2 != 0.0;

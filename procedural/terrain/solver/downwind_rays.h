@@ -35,6 +35,7 @@ class DownwindRays {
 
     int groups() const { return groups_; }
     int length() const { return grid_.rows + lead_ + tail_; } // samples of a ray
+    int count() const { return count_; }                      // rays; the last group may have more
     size_t pitch() const { return size_t(groups_) * width; }  // values in one row of all rays
 
     // Reads one group's samples: length() rows of `width` values. `field`: rows of `field_pitch`.

@@ -22,12 +22,18 @@
 // bubble. A face that rises more steeply than `steepest` has a bubble in front: the same curve traced upwind,
 // with C = `windward`. So linear theory never gets a steeper slope.
 //
+// Sides (`convergence`, for terrains with obstacles). The flow around the ends of a wall closes in on its wake: in
+// plan both sides of a bubble move in by a quarter of the distance from the brink (in front of a face: from the
+// face). So the shelter of a wall is a triangle twice as long as the wall is wide, if that is shorter than the
+// bubble (compare the shadow dunes of P. Hesp, Sedimentology 28, 1981). The bubble falls to its sides with a slope
+// of 1/2. Dunes alone do without: their bubbles are wider than long.
+//
 // The curves run along rays (downwind_rays.h): heights are interpolated onto the rays, the excess of the
 // bubbles back, so ground without bubbles is unchanged. On periodic ground a ray starts before the first row
 // by the maximum length of a bubble.
 //
-// Cost: 3 ns a cell on one core; rays are independent. Memory: 4 bytes a cell (more for oblique winds over
-// non-periodic ground).
+// Cost: 3 ns a cell on one core; rays are independent. With convergence 4 to 10 ns more. Memory:
+// 4 bytes a cell, 8 with convergence (more for oblique winds over non-periodic ground).
 #include "procedural/terrain/solver/separation.h"
 
 #include "procedural/parallel.h"
@@ -36,11 +42,15 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
+#include <vector>
 
 namespace marram {
 namespace {
 
 constexpr int separation_rays = DownwindRays::width;
+constexpr float separation_side_slope = 0.5F; // of a narrowed bubble, towards its sides
+constexpr float infinity_f = std::numeric_limits<float>::infinity();
 
 // Profile of one ray; its samples are 16 floats apart.
 struct SeparationRay {
@@ -123,6 +133,38 @@ void separation_sweep(const float* height, float* excess, int length, double cel
     }
 }
 
+// Closes the sides in. `upwind`: bubbles extend upwind from their faces, not downwind from their brinks.
+void separation_narrow(const DownwindGrid& course, const DownwindRays& rays, bool upwind, double convergence,
+                       WideVector<float>& excess) {
+    const auto count = size_t(rays.count());
+    const float across = float(course.cell * course.cell / course.spacing()); // metres between rays
+    const float closes = float(convergence * course.spacing());
+    // Metres from the sides of a bubble, across the wind.
+    std::vector<float> sides(count), sides_before(count, infinity_f);
+    for (int n = 0; n < course.rows; ++n) {
+        float* const row =
+            excess.data() + size_t(course.row(upwind ? course.rows - 1 - n : n)) * rays.pitch();
+        // Beyond an open border the ground continues: no side there.
+        const auto sweep = [&](size_t k, float& side) {
+            side = row[k] > 0.0F ? side + across : 0.0F;
+            return side;
+        };
+        float side = infinity_f;
+        if (course.periodic)
+            for (size_t k = 0; k < count; ++k) sweep(k, side);
+        for (size_t k = 0; k < count; ++k) sides[k] = sweep(k, side);
+        side = infinity_f;
+        if (course.periodic)
+            for (size_t k = count; k-- > 0;) sweep(k, side);
+        for (size_t k = count; k-- > 0;) {
+            sides[k] = std::max(std::min({sides[k], sweep(k, side), sides_before[k] - closes}), 0.0F);
+            // The next row continues this bubble, or starts another one.
+            sides_before[k] = row[k] > 0.0F ? sides[k] : infinity_f;
+            row[k] = std::min(row[k], separation_side_slope * sides[k]);
+        }
+    }
+}
+
 } // namespace
 
 void Separation::find(const DownwindGrid& course, const SeparationSettings& settings, const float* height,
@@ -131,7 +173,9 @@ void Separation::find(const DownwindGrid& course, const SeparationSettings& sett
     const double spacing = course.spacing();
     const int warm = int(std::min(std::ceil(longest * range / spacing) + 2.0, double(course.rows)));
     const DownwindRays rays(course, warm, warm);
+    const bool narrows = settings.convergence > 0.0;
     rays_.resize(rays.pitch() * size_t(course.rows));
+    if (narrows) front_rays_.resize(rays_.size());
     struct Scratch {
         WideVector<float> height, excess;
     };
@@ -144,10 +188,21 @@ void Separation::find(const DownwindGrid& course, const SeparationSettings& sett
         rays.gather(height, pitch, group, mine.height.data());
         separation_sweep(mine.height.data(), mine.excess.data(), length, spacing, 1, settings.steepest,
                          settings.lee);
+        if (narrows) {
+            rays.store(mine.excess.data(), group, rays_.data());
+            mine.excess.assign(size_t(length) * separation_rays, 0.0F);
+        }
         separation_sweep(mine.height.data(), mine.excess.data(), length, spacing, -1, settings.steepest,
                          settings.windward);
-        rays.store(mine.excess.data(), group, rays_.data());
+        rays.store(mine.excess.data(), group, narrows ? front_rays_.data() : rays_.data());
     });
+    if (narrows) {
+        marram::parallel_for(0, 2, [&](int front) {
+            separation_narrow(course, rays, front == 1, settings.convergence,
+                              front == 1 ? front_rays_ : rays_);
+        });
+        for (size_t k = 0; k < rays_.size(); ++k) rays_[k] = std::max(rays_[k], front_rays_[k]);
+    }
     rays.scatter(rays_.data(), excess, pitch);
 }
 

@@ -5,14 +5,13 @@
 #include "core/math/simd.h"
 #include "procedural/terrain/solver/downwind_rays.h"
 
-#include <vector>
-
 namespace marram {
 
 struct SeparationSettings {
     double steepest = 0.36397; // tangent: steeper faces cause a bubble (20 degrees)
     double lee = 0.25;         // steepest descent of a separated streamline (14 degrees)
     double windward = 0.36397; // steepest ascent of one in front of a face
+    double convergence = 0.0;  // tangent of the angle at which both sides of a bubble close in; 0: not at all
     bool operator==(const SeparationSettings&) const = default;
 };
 
@@ -24,7 +23,7 @@ class Separation {
               double range, size_t pitch, float* excess);
 
   private:
-    WideVector<float> rays_;
+    WideVector<float> rays_, front_rays_; // front_rays_: in front of faces; only with convergence
 };
 
 } // namespace marram

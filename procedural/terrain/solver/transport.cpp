@@ -8,7 +8,9 @@
 //
 // u*^2 = tau / rho_a is the local stress: |wind (1 + tau'_x) + across tau'_y| times that of the undisturbed
 // wind. It is 0 in a bubble, where the streamline is higher than a tenth of a cell above the ground; in
-// between it falls linearly, so brinks move by less than a cell.
+// between it falls linearly, so brinks move by less than a cell. It is at most 4 times that of the undisturbed
+// wind: air flows around a cylinder at most twice as fast as before it, but linear theory has no bound at the
+// corners of walls.
 //
 // Along slopes of tangent s in the direction of the stress, the threshold in the bracket is that of a grain
 // with friction mu (J. Iversen and K. Rasmussen, Sedimentology 41, 1994): u*_t^2 (1 + s / mu) / sqrt(1 +
@@ -19,6 +21,9 @@
 // Sauermann, K. Kroy, H. Herrmann, Phys. Rev. E 64, 2001: 1 / (v / (u_f sqrt(2 alpha)) + 1 / 2 alpha) with
 // alpha = 0.42, v near 1 m/s and u_f = 1.8 m/s) gives about 0.55. Nothing else in the model levels grooves
 // along the wind.
+//
+// Faces steeper than 45 degrees are walls or cliffs, not slopes of sand: grains neither climb them nor roll off
+// them, and the terms above take 0 for their slope.
 //
 // Over plants (M. Raupach, D. Gillette, J. Leys, J. Geophys. Res. 98, 1993) the stress is divided by 1 +
 // plant_drag lambda, lambda the frontal area per area of ground. Behind plants it recovers (wake.cpp).
@@ -69,9 +74,10 @@
 namespace marram {
 namespace {
 
-constexpr int transport_pad = 8;         // elements before and after a row, for neighbour access
-constexpr int transport_block_rows = 16; // rows per block
-constexpr double transport_brink = 0.1;  // cells; under streamlines this high the stress is 0
+constexpr int transport_pad = 8;              // elements before and after a row, for neighbour access
+constexpr int transport_block_rows = 16;      // rows per block
+constexpr float transport_most_stress = 4.0F; // times that of the undisturbed wind
+constexpr double transport_brink = 0.1;       // cells; under streamlines this high the stress is 0
 
 // An excess of up to 0.01 above a whole number is ignored.
 int transport_substeps(double turn) { return std::clamp(int(std::ceil(turn - 0.01)), 1, int(steepest_turn)); }
@@ -90,6 +96,11 @@ struct SaturationRow {
     float steepest_turn, side; // side: -1 if rows are crossed backwards
     double half_cell;          // half a cell / L_sat
 };
+
+// A slope, or 0 if it is a wall's.
+MARRAM_INLINE VFloat transport_ground_slope(VFloat slope) {
+    return slope * slope <= 1.0F ? slope : splat_float(0.0F);
+}
 
 MARRAM_HOT SaturationMaxima transport_saturate(const SaturationRow& row) {
     const VFloat none = splat_float(0.0F), one = splat_float(1.0F);
@@ -110,8 +121,10 @@ MARRAM_HOT SaturationMaxima transport_saturate(const SaturationRow& row) {
             wind_row = turned;
         }
         const VFloat u_row = u * wind_row - v * wind_column, u_column = u * wind_column + v * wind_row;
-        const VFloat g_row = row.row_slope * (vload(row.after + b) - vload(row.before + b));
-        const VFloat g_column = row.column_slope * (vload(row.here + b + 1) - vload(row.here + b - 1));
+        const VFloat g_row =
+            transport_ground_slope(row.row_slope * (vload(row.after + b) - vload(row.before + b)));
+        const VFloat g_column =
+            transport_ground_slope(row.column_slope * (vload(row.here + b + 1) - vload(row.here + b - 1)));
         const VFloat slope = u_row * g_row + u_column * g_column;
         const VFloat down = u_row - row.side_slope * (g_row - slope * u_row);
         const VFloat side = u_column - row.side_slope * (g_column - slope * u_column);
@@ -119,7 +132,7 @@ MARRAM_HOT SaturationMaxima transport_saturate(const SaturationRow& row) {
         const VFloat limit = splat_float(row.steepest_turn);
         const VFloat turn = vmax(-limit, vmin(limit, side / ahead));
         const VFloat e_row = one / vsqrt(one + turn * turn);
-        VFloat stress = row.stress * size;
+        VFloat stress = row.stress * vmin(size, splat_float(transport_most_stress));
         if (row.stress_factor) stress *= vload(row.stress_factor + b);
         if (row.plants) {
             const VFloat open_stress = stress;
@@ -162,7 +175,8 @@ MARRAM_HOT SaturationMaxima transport_saturate(const SaturationRow& row) {
 MARRAM_HOT void transport_turns(const SaturationRow& row) {
     const VFloat limit = splat_float(row.steepest_turn);
     for (int b = 0; b < row.count; b += lanes) {
-        const VFloat face = 2.0F * row.column_slope * (vload(row.here + b) - vload(row.here + b - 1));
+        const VFloat face =
+            transport_ground_slope(2.0F * row.column_slope * (vload(row.here + b) - vload(row.here + b - 1)));
         const VFloat seen = 0.5F * (vload(row.rise + b) + vload(row.rise + b - 1));
         const VFloat turn = 0.5F * (vload(row.cell_turn + b) + vload(row.cell_turn + b - 1)) -
                             (vload(row.gain + b) + vload(row.gain + b - 1)) * (face - seen);

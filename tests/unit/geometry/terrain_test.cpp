@@ -35,8 +35,9 @@ struct Made {
         return found->values;
     }
     const GridValues& grid(const std::string& name) const {
-        for (const GridValues& grid : mesh().grids)
-            if (grid.name == name) return grid;
+        for (const MeshGeometry& mesh : world.meshes)
+            for (const GridValues& grid : mesh.grids)
+                if (grid.name == name) return grid;
         throw std::runtime_error("no grid " + name);
     }
 };
@@ -606,6 +607,49 @@ TEST(Terrain, TheWindOfTheSolverIsDrawn) {
     expect(evolving("wind_along = \"drawn\"\nwind_map = \"" + image.path.string() + "\"") + curves +
                "0], [9000, 0, 500]]\n",
            "give wind_along or wind_map");
+}
+
+// A wall stands in the solver's sand: it gathers in front, frames do not depend on states, and the bedrock is not
+// changed. A mesh beside the terrain is told.
+TEST(Terrain, AMeshStandsInTheSolversSand) {
+    const std::string wall = "\n[[mesh]]\nname = \"wall\"\ntype = \"box\"\nsize = [1.4, 6, 16]\n";
+    const auto blown = [&](const std::string& more, const std::string& place) {
+        return "[wind]\ndirection = [1, 0, 0]\nspeed = 12\n" +
+               desert(
+                   layer("noise", "target = \"sand\"\noffset = 0.5\namplitude = 0\nwavelength = 9") +
+                       layer("dune_solver",
+                             "days_per_frame = 0.5\nkeep_every = 1\nborder = \"open\"\ninflux = 1\n" + more),
+                   "size = [47, 35]\ncell = 0.5") +
+               wall + place;
+    };
+    TestScene scene(blown("obstacle = \"wall\"", ""));
+    const std::vector<float> first = heights_at(scene, 1.0), later = heights_at(scene, 3.0);
+    const std::vector<float> bedrock = Made{scene.build()}.grid("bedrock").values;
+    EXPECT_EQ(*std::max_element(bedrock.begin(), bedrock.end()), 0.0F);
+    // 3 or 4 cells thick and 33 or 34 long.
+    const double samples = scene.stats.report("terrain.layer[1].dune_solver.obstacle_samples");
+    EXPECT_GE(samples, 3.0 * 33.0);
+    EXPECT_LE(samples, 5.0 * 34.0);
+    const size_t nx = 95, middle = 35 * nx;
+    double front = 0.0, lee = 1.0, inside = 0.0;
+    for (size_t i = 20; i < 75; ++i) {
+        const double x = (double(i) - 47.0) * 0.5, height = double(later[middle + i]);
+        if (x < -2.0) front = std::max(front, height);
+        if (x > 2.0 && x < 6.0) lee = std::min(lee, height);
+        if (std::abs(x) < 0.7) inside = std::max(inside, height);
+    }
+    EXPECT_GT(front, 0.55);
+    EXPECT_LT(lee, 0.501);
+    EXPECT_LT(inside, front); // filled to the level beside it, not to the top of the wall
+    EXPECT_NE(first, later);
+    TestScene alone(blown("obstacle = \"wall\"", ""));
+    EXPECT_EQ(heights_at(alone, 3.0), later);
+    TestScene without(blown("", ""));
+    EXPECT_NE(heights_at(without, 3.0), later);
+    TestScene beside(blown("obstacle = \"wall\"", "transform = { translate = [500, 0, 0] }\n"));
+    heights_at(beside, 2.0);
+    ASSERT_FALSE(beside.stats.warnings.empty());
+    EXPECT_NE(beside.stats.warnings[0].find("is not on the terrain"), std::string::npos);
 }
 
 // Plants grow where the ground rests and die where sand moves. Their cover is a mask, even before the wind

@@ -4,6 +4,7 @@
 #include "procedural/terrain/ruin.h"
 
 #include "core/math/hash.h"
+#include "tests/unit/terrain/block_mesh.h"
 
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
@@ -22,35 +23,12 @@
 namespace marram {
 namespace {
 
-// Boxes and slanted walls, rotated about the y axis through the origin.
-struct RuinBlocks {
-    std::vector<float> positions;
-    std::vector<uint32_t> triangles;
-    double turn = 0.0;
-
-    void corner(double x, double y, double z) {
-        const double c = std::cos(turn), s = std::sin(turn);
-        for (const double v : {c * x - s * z, y, s * x + c * z}) positions.push_back(float(v));
-    }
-    // `run`: horizontal distance from the foot to the top of the face at the lower x.
-    void box(double x0, double x1, double y0, double y1, double z0, double z1, double run = 0.0) {
-        const auto first = uint32_t(positions.size() / 3);
-        for (const double y : {y0, y1})
-            for (const double z : {z0, z1})
-                for (const double x : {x0, x1}) corner(x == x0 && y == y1 ? x0 + run : x, y, z);
-        for (const auto& f :
-             {std::array{0U, 1U, 3U, 2U}, std::array{4U, 6U, 7U, 5U}, std::array{0U, 4U, 5U, 1U},
-              std::array{2U, 3U, 7U, 6U}, std::array{0U, 2U, 6U, 4U}, std::array{1U, 5U, 7U, 3U}})
-            for (const unsigned k : {0U, 1U, 2U, 0U, 2U, 3U}) triangles.push_back(first + f[k]);
-    }
-};
-
 // A terrain, a mesh in it, and the result of the layer.
 struct RuinField {
     Domain domain;
     std::vector<float> rock;
     std::vector<SandUnits> before, after;
-    RuinBlocks blocks;
+    BlockMesh blocks;
     RuinSettings settings;
     Vec2d wind = Vec2d(1.0, 0.0);
     RuinResult result;
@@ -61,15 +39,7 @@ struct RuinField {
 
     Fields below() const { return {rock.data(), before.data(), {}}; }
     RuinLayer layer(RTCScene scene = nullptr) const {
-        const float* positions = blocks.positions.data();
-        MarramMesh mesh{};
-        mesh.name = "ruin";
-        mesh.vertex_count = uint32_t(blocks.positions.size() / 3);
-        mesh.triangle_count = uint32_t(blocks.triangles.size() / 3);
-        mesh.time_count = 1;
-        mesh.positions = &positions;
-        mesh.triangles = blocks.triangles.data();
-        return RuinLayer(domain, wind, mesh, scene, settings);
+        return RuinLayer(domain, wind, blocks.mesh(), scene, settings);
     }
     void run() {
         after.assign(domain.count(), -1);
@@ -493,13 +463,8 @@ TEST(Ruin, OnlyTouchedTilesAreStaleAfterAnEdit) {
 TEST(Ruin, TheLayerIsMadeFromAScene) {
     RuinField field = ruin_wall(4.0, 4.0);
     field.run();
-    const float* positions = field.blocks.positions.data();
-    MarramMesh mesh{};
+    MarramMesh mesh = field.blocks.mesh();
     mesh.name = "ruin";
-    mesh.vertex_count = uint32_t(field.blocks.positions.size() / 3);
-    mesh.triangle_count = uint32_t(field.blocks.triangles.size() / 3);
-    mesh.positions = &positions;
-    mesh.triangles = field.blocks.triangles.data();
     std::vector<MarramValue> list;
     const auto number = [&](const char* name, const double& v) {
         MarramValue value{};

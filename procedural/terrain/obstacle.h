@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: Apache-2.0
+// The height field of a mesh that stands on a terrain. The model is documented in obstacle.cpp.
+#pragma once
+
+#include "core/plugin/marram_plugin.h"
+#include "procedural/terrain/fields.h"
+
+#include <cstddef>
+#include <vector>
+
+namespace marram {
+
+class Obstacle {
+  public:
+    struct Top {
+        size_t sample;
+        float height; // metres
+    };
+
+    Obstacle() = default;
+    // Copies what it needs of the mesh's first motion sample. Triangles with an invalid index or a coordinate that
+    // is not finite are left out. Cost: 0.1 us for each triangle and cell that it crosses. Memory: 16 bytes each.
+    Obstacle(const Domain& domain, const MarramMesh& mesh);
+
+    bool empty() const { return spans_.empty(); }
+    // The samples where the mesh stands on the terrain `below`, in order, with the height of its top.
+    std::vector<Top> tops(const Fields& below) const;
+
+  private:
+    struct Span {
+        size_t sample;
+        float low, high; // metres
+    };
+    double cell_ = 1.0;
+    std::vector<Span> spans_; // of all cells, sorted by sample, then by low
+};
+
+// Sets the sand at the samples of `tops` to the level beside them, so that the interpolated surface meets the
+// faces of the mesh. More than a quarter of a cell of sand on the mesh is kept where the mesh is buried: where no
+// ground within two samples lies more than a cell below its top. `sand`: of the terrain, with the sand on the mesh
+// (`on_top`, one for each of `tops`) in place of the sand below it.
+void fill_obstacle(const Domain& domain, const float* bedrock, const std::vector<Obstacle::Top>& tops,
+                   const std::vector<SandUnits>& on_top, SandUnits* sand);
+
+} // namespace marram

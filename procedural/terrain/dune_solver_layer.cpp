@@ -51,7 +51,8 @@
 // model as rock with the height of its top (obstacle.cpp; doors and arches are open). The air separates in front
 // of its walls and behind them, and closes in from the sides (separation.cpp): sand gathers there, climbs and
 // buries walls, and is left in rooms and in the lee. The sand inside the mesh stays as it is; in the picture it is
-// raised or lowered to the level beside it, which is not counted as moved. Cells should be at most half as wide as
+// raised or lowered to the level beside it, which is not counted as moved. No plants grow there. The mesh stands as
+// it is at the frame asked for, from the start. Cells should be at most half as wide as
 // a wall is thick: thinner walls do not keep the sand levels of their two sides apart.
 //
 //     [[procedural.layer]]
@@ -110,8 +111,8 @@ struct DuneGround {
         sand.assign(below.sand, below.sand + domain.count());
         for (const Obstacle::Top& top : tops) {
             const size_t k = top.sample;
-            const SandUnits on_top =
-                std::clamp(sand_units(below.height(k) - double(top.height)), SandUnits(0), below.sand[k]);
+            const SandUnits on_top = std::min(
+                std::max(sand_units(below.height(k) - double(top.height)), SandUnits(0)), below.sand[k]);
             displaced.push_back(below.sand[k] - on_top);
             bedrock[k] = std::max(bedrock[k], top.height), sand[k] = on_top;
         }
@@ -187,13 +188,28 @@ bool DuneSolverLayer::evaluate_whole(const Fields& below, const LayerOutput& out
     evaluate({0, 0, domain_.nx, domain_.nz}, below, out);
     const bool blown = run_.frames > 0.0 && run_.seconds_a_frame > 0.0;
     if (!blown && run_.cover.empty()) return true;
+    std::string problem = DuneSolver::problem(domain_, run_.settings, below.bedrock, below.sand, run_.field);
+    if (!problem.empty())
+        throw SceneFault("terrain.dune_solver", run_.place, problem, "change the layers below, or the cells");
     const DuneGround ground(domain_, below, run_.obstacle);
     const float* const bedrock = ground.bedrock.empty() ? below.bedrock : ground.bedrock.data();
     const SandUnits* const sand = ground.sand.empty() ? below.sand : ground.sand.data();
-    const std::string problem = DuneSolver::problem(domain_, run_.settings, bedrock, sand, run_.field);
+    if (!ground.tops.empty())
+        problem = DuneSolver::problem(domain_, run_.settings, bedrock, sand, run_.field);
     if (!problem.empty())
-        throw SceneFault("terrain.dune_solver", run_.place, problem, "change the layers below, or the cells");
-    const float* const plants = run_.plants.empty() ? nullptr : find_mask(below, run_.plants);
+        throw SceneFault("terrain.dune_solver", run_.place, "with the obstacle: " + problem,
+                         "give an obstacle that is less high");
+    if (!run_.obstacle.empty() && ground.tops.empty() && out.notes)
+        out.notes->warnings.push_back({run_.place,
+                                       "the obstacle hangs above the ground: nothing stands there",
+                                       "lower the mesh until it stands in the sand"});
+    const float* plants = run_.plants.empty() ? nullptr : find_mask(below, run_.plants);
+    std::vector<float> free_plants; // none grow in the obstacle
+    if (plants && !ground.tops.empty()) {
+        free_plants.assign(plants, plants + domain_.count());
+        for (const Obstacle::Top& top : ground.tops) free_plants[top.sample] = 0.0F;
+        plants = free_plants.data();
+    }
     DuneSolver solver(domain_, run_.settings, bedrock, sand, plants, run_.field);
     double from = 0.0;
     if (blown && simulation_) {
@@ -388,6 +404,7 @@ std::unique_ptr<TerrainLayer> make_dune_solver(const LayerContext& context) {
     run.settings.influx = values.number("influx");
     run.settings.stability = values.number("stability");
     run.settings.avalanche.starts = values.number("repose") * degree;
+    run.settings.physics.steepest = std::max(1.0, std::tan(run.settings.avalanche.starts));
     run.settings.avalanche.stops = run.settings.avalanche.starts - degree;
     double known = 0.0;
     run.wind = dune_wind(context, known);
@@ -398,7 +415,12 @@ std::unique_ptr<TerrainLayer> make_dune_solver(const LayerContext& context) {
             context.warn(values.place("obstacle"),
                          "the mesh '" + values.text("obstacle") + "' is not on the terrain",
                          "move it, or make the terrain larger");
-        run.settings.separation.convergence = 0.25;
+        if (run.obstacle.hollow() > 0 && context.warn)
+            context.warn(values.place("obstacle"),
+                         fmt::format("the mesh '{}' is not closed: it is hollow in {} samples",
+                                     values.text("obstacle"), run.obstacle.hollow()),
+                         "close it if sand should not fill it");
+        if (!run.obstacle.empty()) run.settings.separation.convergence = 0.25;
     }
     run.drift = drift_potential(winds_between(run.wind, 0.0, known), run.settings.physics);
     if (values.has("plants")) run.plants = required_mask_name(context, "plants");

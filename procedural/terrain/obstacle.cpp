@@ -1,15 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 // Turns a mesh that stands on a terrain, such as a ruin, into a height field.
 //
-// A cell is the square around a sample. A triangle that crosses it gives the span of heights of its part in the
-// cell (clipped exactly, so that a thin wall, even a sheet, leaves no hole between cells). The inside of a closed
-// mesh gives the spans between entry and exit of the vertical line through the sample. From these spans the
-// obstacle's top follows: the lowest span must start on the ground, or below, or at most a quarter of a cell above
-// it; its top is the obstacle's, and a span that starts at most a quarter of a cell above continues it upwards. So
-// sand and wind pass through a door, under a lintel, a roof or an arch.
+// A cell is the square around a sample, without its upper borders. A triangle that crosses it gives the span of
+// heights of its part in the cell (clipped exactly, so that a thin wall, even a sheet, leaves no hole between cells).
+// The inside of a closed mesh, of either winding, gives the spans between entry and exit of the vertical line through
+// the sample. From these spans the obstacle's top follows: the lowest span must start on the ground, or below, or at
+// most a quarter of a cell above it; its top is the obstacle's, and a span that starts at most a quarter of a cell
+// above continues it upwards. So sand and wind pass through a door, under a lintel, a roof or an arch.
 //
-// Error: a wall is wider by less than a cell on either side. An arch that rises from the ground is open where its
-// underside is a quarter of a cell above the ground. Nothing overhangs: a leaning wall is filled below.
+// Error: a wall is wider by at most a cell on either side. An arch that rises from the ground is open where its
+// underside is a quarter of a cell above the ground. Nothing overhangs: a leaning wall is filled below. A mesh that is
+// not closed is hollow: only its surface stands (hollow()).
 #include "procedural/terrain/obstacle.h"
 
 #include <array>
@@ -20,7 +21,7 @@
 namespace marram {
 namespace {
 
-// The part of a polygon where sign (axis - bound) <= 0.
+// The part of a polygon where sign (axis - bound) <= 0; empty if it only touches an upper bound (sign 1).
 struct ObstaclePolygon {
     std::array<Vec3d, 8> points; // a triangle, cut four times, has at most 7
     size_t count = 0;
@@ -35,6 +36,9 @@ struct ObstaclePolygon {
             if ((da < 0.0 && db > 0.0) || (da > 0.0 && db < 0.0)) kept[n++] = a + da / (da - db) * (b - a);
         }
         points = kept, count = n;
+        if (sign > 0.0 && std::all_of(points.begin(), points.begin() + long(n),
+                                      [&](const Vec3d& p) { return p[axis] >= bound; }))
+            count = 0;
     }
 };
 
@@ -93,7 +97,6 @@ Obstacle::Obstacle(const Domain& domain, const MarramMesh& mesh) : cell_(domain.
         }
         if (!valid) continue;
         const Vec3d low = p[0].cwiseMin(p[1]).cwiseMin(p[2]), high = p[0].cwiseMax(p[1]).cwiseMax(p[2]);
-        const auto [i0, i1] = cells(low.x(), high.x(), domain.x0, domain.nx);
         const auto [j0, j1] = cells(low.z(), high.z(), domain.z0, domain.nz);
         const bool faces_down = (p[1] - p[0]).cross(p[2] - p[0]).y() < 0.0;
         const double half = 0.5 * domain.cell;
@@ -101,7 +104,12 @@ Obstacle::Obstacle(const Domain& domain, const MarramMesh& mesh) : cell_(domain.
             ObstaclePolygon strip;
             std::copy(p.begin(), p.end(), strip.points.begin()), strip.count = 3;
             strip.clip(2, domain.z(j) - half, -1.0), strip.clip(2, domain.z(j) + half, 1.0);
-            for (int i = i0; i < i1 && strip.count > 0; ++i) {
+            if (strip.count == 0) continue;
+            double left = infinity, right = -infinity;
+            for (const Vec3d& q : std::span(strip.points).first(strip.count))
+                left = std::min(left, q.x()), right = std::max(right, q.x());
+            const auto [first, last] = cells(left, right, domain.x0, domain.nx);
+            for (int i = first; i < last; ++i) {
                 ObstaclePolygon part = strip;
                 part.clip(0, domain.x(i) - half, -1.0), part.clip(0, domain.x(i) + half, 1.0);
                 if (part.count == 0) continue;
@@ -116,19 +124,20 @@ Obstacle::Obstacle(const Domain& domain, const MarramMesh& mesh) : cell_(domain.
             }
         }
     }
-    // At equal heights the entry comes first: touching solids are one.
     std::sort(crossings.begin(), crossings.end(), [](const Crossing& a, const Crossing& b) {
-        return std::tuple(a.sample, a.y, !a.enters) < std::tuple(b.sample, b.y, !b.enters);
+        return std::tuple(a.sample, a.y, a.enters) < std::tuple(b.sample, b.y, b.enters);
     });
     int inside = 0;
     double entry = 0.0;
     for (size_t k = 0; k < crossings.size(); ++k) {
         const Crossing& crossing = crossings[k];
-        if (k == 0 || crossings[k - 1].sample != crossing.sample) inside = 0;
-        if (crossing.enters) {
-            if (inside++ == 0) entry = crossing.y;
-        } else if (inside > 0 && --inside == 0)
-            spans_.push_back({crossing.sample, float(entry), float(crossing.y)});
+        if (inside == 0) entry = crossing.y;
+        inside += crossing.enters ? 1 : -1;
+        if (inside == 0) spans_.push_back({crossing.sample, float(entry), float(crossing.y)});
+        if (k + 1 == crossings.size() || crossings[k + 1].sample != crossing.sample) {
+            hollow_ += inside != 0;
+            inside = 0;
+        }
     }
     std::sort(spans_.begin(), spans_.end(), [](const Span& a, const Span& b) {
         return std::tuple(a.sample, a.low, a.high) < std::tuple(b.sample, b.low, b.high);
@@ -158,13 +167,15 @@ std::vector<Obstacle::Top> Obstacle::tops(const Fields& below) const {
 
 void fill_obstacle(const Domain& domain, const float* bedrock, const std::vector<Obstacle::Top>& tops,
                    const std::vector<SandUnits>& on_top, SandUnits* sand) {
-    constexpr int passes = 8; // cells from the faces that are filled; no one sees those further inside
     constexpr double unknown = -std::numeric_limits<double>::infinity();
-    enum class Kind : char { ground, edge, inside, buried };
+    enum class Kind : char { ground, edge, inside };
     std::vector<Kind> kinds(domain.count(), Kind::ground);
     std::vector<double> level(domain.count()); // metres; unknown: not yet filled
     for (size_t k = 0; k < domain.count(); ++k) level[k] = double(bedrock[k]) + sand_metres(sand[k]);
-    for (const Obstacle::Top& top : tops) kinds[top.sample] = Kind::inside;
+    for (size_t k = 0; k < tops.size(); ++k) {
+        kinds[tops[k].sample] = Kind::inside;
+        level[tops[k].sample] = double(tops[k].height) + sand_metres(on_top[k]);
+    }
     // Calls visit(neighbour) for the up to eight neighbours of a sample.
     const auto each_beside = [&](size_t sample, auto&& visit) {
         const int i = int(sample % size_t(domain.nx)), j = int(sample / size_t(domain.nx));
@@ -177,36 +188,47 @@ void fill_obstacle(const Domain& domain, const float* bedrock, const std::vector
             if (kinds[beside] == Kind::ground && level[beside] < double(top.height) - domain.cell)
                 kinds[top.sample] = Kind::edge;
         });
+    std::vector<size_t> unfilled; // of tops
     for (size_t k = 0; k < tops.size(); ++k) {
-        bool buried = kinds[tops[k].sample] == Kind::inside && sand_metres(on_top[k]) > 0.25 * domain.cell;
-        each_beside(tops[k].sample, [&](size_t beside) { buried = buried && kinds[beside] != Kind::edge; });
-        if (buried)
-            kinds[tops[k].sample] = Kind::buried;
-        else
-            level[tops[k].sample] = unknown;
+        bool kept = kinds[tops[k].sample] == Kind::inside && on_top[k] > 0;
+        double sum = 0.0;
+        int count = 0;
+        each_beside(tops[k].sample, [&](size_t beside) {
+            kept = kept && kinds[beside] != Kind::edge;
+            sum += level[beside], ++count;
+        });
+        const bool under =
+            sand_metres(on_top[k]) > 0.25 * domain.cell || sum >= count * double(tops[k].height);
+        if (!(kept && under)) unfilled.push_back(k);
     }
-    std::vector<double> next(tops.size());
-    for (int pass = 0; pass < passes; ++pass) {
-        for (size_t k = 0; k < tops.size(); ++k) {
-            next[k] = level[tops[k].sample];
-            if (next[k] != unknown) continue;
+    for (const size_t k : unfilled) level[tops[k].sample] = unknown;
+    std::vector<double> next;
+    for (bool first = true; !unfilled.empty(); first = false) {
+        next.assign(unfilled.size(), unknown);
+        for (size_t n = 0; n < unfilled.size(); ++n) {
             double least = infinity, sum = 0.0;
             int count = 0;
-            each_beside(tops[k].sample, [&](size_t beside) {
+            each_beside(tops[unfilled[n]].sample, [&](size_t beside) {
                 if (level[beside] == unknown) return;
                 least = std::min(least, level[beside]), sum += level[beside], ++count;
             });
             // Beside the ground the lowest level: sand on the high side of a thin wall must not stick out of its low
             // side. Further inside the mean.
-            if (count > 0) next[k] = pass == 0 ? least : sum / count;
+            if (count > 0) next[n] = first ? least : sum / count;
         }
-        for (size_t k = 0; k < tops.size(); ++k) level[tops[k].sample] = next[k];
-    }
-    for (size_t k = 0; k < tops.size(); ++k) {
-        const size_t sample = tops[k].sample;
-        if (kinds[sample] == Kind::buried || level[sample] == unknown) continue;
-        const double most = double(tops[k].height) + sand_metres(on_top[k]);
-        sand[sample] = sand_units(std::max(std::min(level[sample], most) - double(bedrock[sample]), 0.0));
+        size_t left = 0;
+        for (size_t n = 0; n < unfilled.size(); ++n) {
+            const size_t k = unfilled[n], sample = tops[k].sample;
+            if (next[n] == unknown) {
+                unfilled[left++] = k;
+                continue;
+            }
+            level[sample] = next[n];
+            const double most = double(tops[k].height) + sand_metres(on_top[k]);
+            sand[sample] = sand_units(std::max(std::min(next[n], most) - double(bedrock[sample]), 0.0));
+        }
+        if (left == unfilled.size()) break; // the mesh covers all of the terrain
+        unfilled.resize(left);
     }
 }
 

@@ -11,10 +11,12 @@
 // four quads; on a uniform slope neighbouring moves add up to a diffusion with number w, stable below 1 / 2;
 // w = 0.4. Moves are whole units and at most a quarter of a sample's sand, so no sand becomes negative.
 //
-// A sample with less sand than the diameter of a grain gives none. If it stands above all sand of its quad it is
-// rock or a wall, and its height is no slope of the sand: the quad's slope is then that of its other samples, a
-// plane through three or the slope between two neighbours. Between two that face each other across a corner of rock
-// no sand moves.
+// A sample with less sand than the diameter of a grain gives none.
+//
+// Walls. A sample whose ground stands more than a cell (45 degrees, or the angle of repose) above the surface of
+// another sample of its quad is a wall: its height is no slope of the sand below. Sand on a wall falls to the sample
+// opposite, if that is lower. Beside one wall the two samples that are opposite each other move by the slope of the plane through the
+// three that are no walls. Nothing else moves in such a quad.
 //
 // Tiles of 32 x 32 quads sleep. A tile wakes if one of its quads exceeds the static angle or a neighbouring
 // tile moved sand. In an awake tile all quads above the dynamic angle plus 0.1 degrees move towards the
@@ -69,34 +71,35 @@ struct AvalancheGrid {
 
 constexpr size_t avalanche_slot = size_t(2) * avalanche_side * avalanche_side; // doubles
 
-// Replaces the heights of a quad's samples that are bare rock above all its sand by those that continue the sand
-// beside them. Returns false if no sand can move.
-bool avalanche_without_rock(const std::array<double, 4>& sand, std::array<double, 4>& height) {
-    double highest = -infinity; // of the sand
-    for (size_t k = 0; k < 4; ++k)
-        if (sand[k] >= avalanche_grain) highest = std::max(highest, height[k]);
-    std::array<bool, 4> rock{};
-    int count = 0;
-    for (size_t k = 0; k < 4; ++k) {
-        rock[k] = sand[k] < avalanche_grain && height[k] > highest;
-        count += int(rock[k]);
-    }
-    if (count == 0) return true;
-    if (count > 2) return false;
-    for (size_t k = 0; k < 4; ++k) { // a, b, c, d: k ^ 1 and k ^ 2 are beside k, k ^ 3 is opposite
-        if (!rock[k]) continue;
-        if (rock[k ^ 3]) return false;
-        if (count == 1)
-            height[k] = height[k ^ 1] + height[k ^ 2] - height[k ^ 3];
-        else
-            height[k] = height[rock[k ^ 1] ? k ^ 2 : k ^ 1];
-    }
-    return true;
+// Units that a sample gives at most.
+double avalanche_most(double sand) { return sand < avalanche_grain ? 0.0 : 0.25 * sand; }
+
+struct AvalancheMoves {
+    double d1, d2; // from d to a, from c to b
+};
+
+// The moves of a quad some of whose samples are walls. Order: a, b, c, d; k and 3 - k are opposite each other.
+AvalancheMoves avalanche_beside_walls(const std::array<double, 4>& sand, const std::array<double, 4>& height,
+                                      const std::array<bool, 4>& wall, double stops, double still) {
+    const auto falls = [&](size_t to, size_t from) {
+        if (wall[from] == wall[to] || wall[from] != (height[from] > height[to])) return 0.0;
+        return wall[from] ? avalanche_most(sand[from]) : -avalanche_most(sand[to]);
+    };
+    AvalancheMoves moves = {std::trunc(falls(0, 3)), std::trunc(falls(1, 2))};
+    if (std::count(wall.begin(), wall.end(), true) != 1) return moves;
+    const auto k = size_t(std::find(wall.begin(), wall.end(), true) - wall.begin());
+    const size_t to = k == 0 || k == 3 ? 1 : 0, from = 3 - to; // the pair beside the wall
+    const double slope = std::hypot(height[3 - k] - height[to], height[3 - k] - height[from]);
+    if (!(slope > still)) return moves;
+    const double move = 0.5 * avalanche_rate * (1.0 - stops / slope) * (height[from] - height[to]);
+    (to == 0 ? moves.d1 : moves.d2) =
+        std::trunc(std::clamp(move, -avalanche_most(sand[to]), avalanche_most(sand[from])));
+    return moves;
 }
 
 // Computes the moves of all quads of a tile. Returns false if all are 0.
 bool avalanche_moves(const AvalancheGrid& grid, int tile_row, int tile_column, double stops, double still,
-                     const float* ground, const double* sand, double* moves) {
+                     double steepest, const float* ground, const double* sand, double* moves) {
     bool any = false;
     const int i0 = tile_row * avalanche_side, j0 = tile_column * avalanche_side;
     const int i1 = std::min(i0 + avalanche_side, grid.quad_rows),
@@ -112,21 +115,21 @@ bool avalanche_moves(const AvalancheGrid& grid, int tile_row, int tile_column, d
                          b = double(ground[upper + next]) * sand_units_per_metre + sb,
                          c = double(ground[lower + here]) * sand_units_per_metre + sc,
                          d = double(ground[lower + next]) * sand_units_per_metre + sd;
-            double gb = 0.5 * ((b - a) + (d - c)), ga = 0.5 * ((c - a) + (d - b));
-            double square = gb * gb + ga * ga;
+            const double gb = 0.5 * ((b - a) + (d - c)), ga = 0.5 * ((c - a) + (d - b));
+            const double square = gb * gb + ga * ga;
             if (!(square > still * still)) continue;
-            if (std::min({sa, sb, sc, sd}) < avalanche_grain) {
-                std::array<double, 4> height = {a, b, c, d};
-                if (!avalanche_without_rock({sa, sb, sc, sd}, height)) continue;
-                gb = 0.5 * ((height[1] - height[0]) + (height[3] - height[2]));
-                ga = 0.5 * ((height[2] - height[0]) + (height[3] - height[1]));
-                square = gb * gb + ga * ga;
-                if (!(square > still * still)) continue;
+            AvalancheMoves found{};
+            const double wall = std::min({a, b, c, d}) + steepest; // ground above it is a wall
+            if (std::max({a - sa, b - sb, c - sc, d - sd}) > wall)
+                found = avalanche_beside_walls({sa, sb, sc, sd}, {a, b, c, d},
+                                               {a - sa > wall, b - sb > wall, c - sc > wall, d - sd > wall},
+                                               stops, still);
+            else {
+                const double k = 0.5 * avalanche_rate * (1.0 - stops / std::sqrt(square));
+                found = {std::trunc(std::clamp(k * (gb + ga), -avalanche_most(sa), avalanche_most(sd))),
+                         std::trunc(std::clamp(k * (ga - gb), -avalanche_most(sb), avalanche_most(sc)))};
             }
-            const double k = 0.5 * avalanche_rate * (1.0 - stops / std::sqrt(square));
-            const auto most = [](double units) { return units < avalanche_grain ? 0.0 : 0.25 * units; };
-            const double d1 = std::trunc(std::clamp(k * (gb + ga), -most(sa), most(sd)));
-            const double d2 = std::trunc(std::clamp(k * (ga - gb), -most(sb), most(sc)));
+            const auto [d1, d2] = found;
             double* const move = moves + 2 * (size_t(i - i0) * avalanche_side + size_t(j - j0));
             move[0] = d1, move[1] = d2;
             any = any || d1 != 0.0 || d2 != 0.0;
@@ -173,6 +176,7 @@ int Avalanche::run(int rows, int columns, bool periodic, double cell, const Aval
     });
 
     const double stops = std::tan(settings.stops) * cell * sand_units_per_metre;
+    const double steepest = std::max(1.0, std::tan(settings.starts)) * cell * sand_units_per_metre;
     const double still = std::tan(settings.stops + avalanche_slack) * cell * sand_units_per_metre;
     std::vector<int> slots(grid.tiles(), -1);
     std::vector<int> list, gathered;
@@ -191,7 +195,7 @@ int Avalanche::run(int rows, int columns, bool periodic, double cell, const Aval
             const int tile = list[slot];
             moved[slot] =
                 char(avalanche_moves(grid, tile / grid.tile_columns, tile % grid.tile_columns, stops, still,
-                                     ground, sand, moves_.data() + slot * avalanche_slot));
+                                     steepest, ground, sand, moves_.data() + slot * avalanche_slot));
         });
         // A tile's quads extend one sample into the next tiles.
         std::fill(touched.begin(), touched.end(), char(0));

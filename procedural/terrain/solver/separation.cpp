@@ -133,17 +133,39 @@ void separation_sweep(const float* height, float* excess, int length, double cel
     }
 }
 
-// Closes the sides in. `upwind`: bubbles extend upwind from their faces, not downwind from their brinks.
-void separation_narrow(const DownwindGrid& course, const DownwindRays& rays, bool upwind, double convergence,
-                       WideVector<float>& excess) {
+// Values of the rays where they leave periodic ground, at the rays that continue them, `shift` columns further.
+void separation_wrap(double shift, std::vector<float>& values) {
+    const std::vector<float> from = values;
+    const auto count = long(from.size());
+    const long whole = long(std::floor(shift));
+    const float part = float(shift - std::floor(shift));
+    for (long k = 0; k < count; ++k) {
+        const float near = from[size_t(((k - whole) % count + count) % count)];
+        const float far = from[size_t(((k - whole - 1) % count + count) % count)];
+        if (part == 0.0F)
+            values[size_t(k)] = near;
+        else
+            values[size_t(k)] =
+                std::isinf(near) || std::isinf(far) ? std::min(near, far) : near + part * (far - near);
+    }
+}
+
+// Closes the sides in. `upwind`: bubbles extend upwind from their faces, not downwind from their brinks. `warm`: rows
+// that the longest bubble crosses.
+void separation_narrow(const DownwindGrid& course, const DownwindRays& rays, bool upwind, int warm,
+                       double convergence, WideVector<float>& excess) {
     const auto count = size_t(rays.count());
     const float across = float(course.cell * course.cell / course.spacing()); // metres between rays
     const float closes = float(convergence * course.spacing());
     // Metres from the sides of a bubble, across the wind.
     std::vector<float> sides(count), sides_before(count, infinity_f);
-    for (int n = 0; n < course.rows; ++n) {
+    // On periodic ground bubbles enter the first row from the last ones.
+    for (int n = course.periodic ? -warm : 0; n < course.rows; ++n) {
+        if (course.periodic && n == 0)
+            separation_wrap((upwind ? -1.0 : 1.0) * course.rows * course.drift, sides_before);
+        const int step = n < 0 ? n + course.rows : n;
         float* const row =
-            excess.data() + size_t(course.row(upwind ? course.rows - 1 - n : n)) * rays.pitch();
+            excess.data() + size_t(course.row(upwind ? course.rows - 1 - step : step)) * rays.pitch();
         // Beyond an open border the ground continues: no side there.
         const auto sweep = [&](size_t k, float& side) {
             side = row[k] > 0.0F ? side + across : 0.0F;
@@ -160,7 +182,7 @@ void separation_narrow(const DownwindGrid& course, const DownwindRays& rays, boo
             sides[k] = std::max(std::min({sides[k], sweep(k, side), sides_before[k] - closes}), 0.0F);
             // The next row continues this bubble, or starts another one.
             sides_before[k] = row[k] > 0.0F ? sides[k] : infinity_f;
-            row[k] = std::min(row[k], separation_side_slope * sides[k]);
+            if (n >= 0) row[k] = std::min(row[k], separation_side_slope * sides[k]);
         }
     }
 }
@@ -198,7 +220,7 @@ void Separation::find(const DownwindGrid& course, const SeparationSettings& sett
     });
     if (narrows) {
         marram::parallel_for(0, 2, [&](int front) {
-            separation_narrow(course, rays, front == 1, settings.convergence,
+            separation_narrow(course, rays, front == 1, warm, settings.convergence,
                               front == 1 ? front_rays_ : rays_);
         });
         for (size_t k = 0; k < rays_.size(); ++k) rays_[k] = std::max(rays_[k], front_rays_[k]);

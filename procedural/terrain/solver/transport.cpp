@@ -22,7 +22,7 @@
 // alpha = 0.42, v near 1 m/s and u_f = 1.8 m/s) gives about 0.55. Nothing else in the model levels grooves
 // along the wind.
 //
-// Faces steeper than 45 degrees are walls or cliffs, not slopes of sand: grains neither climb them nor roll off
+// Faces steeper than 45 degrees (or the angle of repose) are walls or cliffs, not slopes of sand: grains neither climb them nor roll off
 // them, and the terms above take 0 for their slope.
 //
 // Over plants (M. Raupach, D. Gillette, J. Leys, J. Geophys. Res. 98, 1993) the stress is divided by 1 +
@@ -93,13 +93,14 @@ struct SaturationRow {
     float stress, threshold, q_scale; // shear velocities squared; kg s / m^3
     float slope_scale, side_slope, plant_drag,
         bubble;                // bubble: 1 / streamline height at which the stress is 0
+    float steepest_sand;       // tangent
     float steepest_turn, side; // side: -1 if rows are crossed backwards
     double half_cell;          // half a cell / L_sat
 };
 
 // A slope, or 0 if it is a wall's.
-MARRAM_INLINE VFloat transport_ground_slope(VFloat slope) {
-    return slope * slope <= 1.0F ? slope : splat_float(0.0F);
+MARRAM_INLINE VFloat transport_ground_slope(VFloat slope, float steepest) {
+    return slope * slope <= steepest * steepest ? slope : splat_float(0.0F);
 }
 
 MARRAM_HOT SaturationMaxima transport_saturate(const SaturationRow& row) {
@@ -121,10 +122,10 @@ MARRAM_HOT SaturationMaxima transport_saturate(const SaturationRow& row) {
             wind_row = turned;
         }
         const VFloat u_row = u * wind_row - v * wind_column, u_column = u * wind_column + v * wind_row;
-        const VFloat g_row =
-            transport_ground_slope(row.row_slope * (vload(row.after + b) - vload(row.before + b)));
-        const VFloat g_column =
-            transport_ground_slope(row.column_slope * (vload(row.here + b + 1) - vload(row.here + b - 1)));
+        const VFloat g_row = transport_ground_slope(
+            row.row_slope * (vload(row.after + b) - vload(row.before + b)), row.steepest_sand);
+        const VFloat g_column = transport_ground_slope(
+            row.column_slope * (vload(row.here + b + 1) - vload(row.here + b - 1)), row.steepest_sand);
         const VFloat slope = u_row * g_row + u_column * g_column;
         const VFloat down = u_row - row.side_slope * (g_row - slope * u_row);
         const VFloat side = u_column - row.side_slope * (g_column - slope * u_column);
@@ -175,8 +176,8 @@ MARRAM_HOT SaturationMaxima transport_saturate(const SaturationRow& row) {
 MARRAM_HOT void transport_turns(const SaturationRow& row) {
     const VFloat limit = splat_float(row.steepest_turn);
     for (int b = 0; b < row.count; b += lanes) {
-        const VFloat face =
-            transport_ground_slope(2.0F * row.column_slope * (vload(row.here + b) - vload(row.here + b - 1)));
+        const VFloat face = transport_ground_slope(
+            2.0F * row.column_slope * (vload(row.here + b) - vload(row.here + b - 1)), row.steepest_sand);
         const VFloat seen = 0.5F * (vload(row.rise + b) + vload(row.rise + b - 1));
         const VFloat turn = 0.5F * (vload(row.cell_turn + b) + vload(row.cell_turn + b - 1)) -
                             (vload(row.gain + b) + vload(row.gain + b - 1)) * (face - seen);
@@ -363,6 +364,7 @@ SaturationMaxima saturate(const DownwindGrid& course, DuneBorder border, const S
         row.count = (course.columns + lanes - 1) / lanes * lanes;
         row.row_slope = rows_apart > 0 ? float(1.0 / (rows_apart * course.cell)) : 0.0F;
         row.column_slope = float(0.5 / course.cell);
+        row.steepest_sand = float(physics.steepest);
         row.wind_row = float(std::abs(wind_row)), row.wind_column = float(wind_column);
         row.stress = float(shear_velocity * shear_velocity);
         row.threshold = float(physics.threshold * physics.threshold);

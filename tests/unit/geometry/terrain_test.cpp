@@ -646,10 +646,22 @@ TEST(Terrain, AMeshStandsInTheSolversSand) {
     EXPECT_EQ(heights_at(alone, 3.0), later);
     TestScene without(blown("", ""));
     EXPECT_NE(heights_at(without, 3.0), later);
-    TestScene beside(blown("obstacle = \"wall\"", "transform = { translate = [500, 0, 0] }\n"));
-    heights_at(beside, 2.0);
-    ASSERT_FALSE(beside.stats.warnings.empty());
-    EXPECT_NE(beside.stats.warnings[0].find("is not on the terrain"), std::string::npos);
+    const auto expect_warning = [&](const std::string& text, const std::string& what) {
+        TestScene warned(text);
+        heights_at(warned, 2.0);
+        ASSERT_FALSE(warned.stats.warnings.empty()) << what;
+        EXPECT_NE(warned.stats.warnings[0].find(what), std::string::npos) << warned.stats.warnings[0];
+    };
+    const std::string obstacle = "obstacle = \"wall\"";
+    expect_warning(blown(obstacle, "transform = { translate = [500, 0, 0] }\n"), "is not on the terrain");
+    expect_warning(blown(obstacle, "transform = { translate = [0, 50, 0] }\n"), "hangs above the ground");
+    expect_warning(blown("obstacle = \"sheet\"",
+                         "\n[[mesh]]\nname = \"sheet\"\ntype = \"plane\"\nsize = [4, 4]\n"
+                         "transform = { translate = [0, 0.6, 0] }\n"),
+                   "is not closed");
+    TestScene high(blown(obstacle, "transform = { scale = [1, 1e6, 1] }\n"));
+    high.settings.frame = 2.0;
+    EXPECT_NE(high.build_errors().find("with the obstacle: "), std::string::npos);
 }
 
 // Plants grow where the ground rests and die where sand moves. Their cover is a mask, even before the wind

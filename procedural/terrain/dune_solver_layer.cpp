@@ -404,7 +404,6 @@ std::unique_ptr<TerrainLayer> make_dune_solver(const LayerContext& context) {
     run.settings.influx = values.number("influx");
     run.settings.stability = values.number("stability");
     run.settings.avalanche.starts = values.number("repose") * degree;
-    run.settings.physics.steepest = std::max(1.0, std::tan(run.settings.avalanche.starts));
     run.settings.avalanche.stops = run.settings.avalanche.starts - degree;
     double known = 0.0;
     run.wind = dune_wind(context, known);
@@ -420,7 +419,10 @@ std::unique_ptr<TerrainLayer> make_dune_solver(const LayerContext& context) {
                          fmt::format("the mesh '{}' is not closed: it is hollow in {} samples",
                                      values.text("obstacle"), run.obstacle.hollow()),
                          "close it if sand should not fill it");
-        if (!run.obstacle.empty()) run.settings.separation.convergence = 0.25;
+        if (!run.obstacle.empty()) {
+            run.settings.separation.convergence = 0.25;
+            run.settings.physics.steepest = std::max(1.0, std::tan(run.settings.avalanche.starts));
+        }
     }
     run.drift = drift_potential(winds_between(run.wind, 0.0, known), run.settings.physics);
     if (values.has("plants")) run.plants = required_mask_name(context, "plants");

@@ -11,12 +11,11 @@
 // four quads; on a uniform slope neighbouring moves add up to a diffusion with number w, stable below 1 / 2;
 // w = 0.4. Moves are whole units and at most a quarter of a sample's sand, so no sand becomes negative.
 //
-// A sample with less sand than the diameter of a grain gives none.
-//
 // Walls. A sample whose ground stands more than a cell (45 degrees, or the angle of repose) above the surface of
 // another sample of its quad is a wall: its height is no slope of the sand below. Sand on a wall falls to the sample
-// opposite, if that is lower. Beside one wall the two samples that are opposite each other move by the slope of the plane through the
-// three that are no walls. Nothing else moves in such a quad.
+// opposite, if that is lower. Beside one wall the two samples that are opposite each other move by the slope of the
+// plane through the three that are no walls. Nothing else moves in such a quad, and a sample with less sand than the
+// diameter of a grain gives none: dust on walls would keep tiles awake.
 //
 // Tiles of 32 x 32 quads sleep. A tile wakes if one of its quads exceeds the static angle or a neighbouring
 // tile moved sand. In an awake tile all quads above the dynamic angle plus 0.1 degrees move towards the
@@ -71,7 +70,7 @@ struct AvalancheGrid {
 
 constexpr size_t avalanche_slot = size_t(2) * avalanche_side * avalanche_side; // doubles
 
-// Units that a sample gives at most.
+// Units that a sample beside a wall, or on it, gives at most.
 double avalanche_most(double sand) { return sand < avalanche_grain ? 0.0 : 0.25 * sand; }
 
 struct AvalancheMoves {
@@ -126,8 +125,8 @@ bool avalanche_moves(const AvalancheGrid& grid, int tile_row, int tile_column, d
                                                stops, still);
             else {
                 const double k = 0.5 * avalanche_rate * (1.0 - stops / std::sqrt(square));
-                found = {std::trunc(std::clamp(k * (gb + ga), -avalanche_most(sa), avalanche_most(sd))),
-                         std::trunc(std::clamp(k * (ga - gb), -avalanche_most(sb), avalanche_most(sc)))};
+                found = {std::trunc(std::clamp(k * (gb + ga), -0.25 * sa, 0.25 * sd)),
+                         std::trunc(std::clamp(k * (ga - gb), -0.25 * sb, 0.25 * sc))};
             }
             const auto [d1, d2] = found;
             double* const move = moves + 2 * (size_t(i - i0) * avalanche_side + size_t(j - j0));

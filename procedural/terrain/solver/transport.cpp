@@ -22,8 +22,8 @@
 // alpha = 0.42, v near 1 m/s and u_f = 1.8 m/s) gives about 0.55. Nothing else in the model levels grooves
 // along the wind.
 //
-// Faces steeper than 45 degrees (or the angle of repose) are walls or cliffs, not slopes of sand: grains neither climb them nor roll off
-// them, and the terms above take 0 for their slope.
+// With obstacles, faces steeper than 45 degrees (or the angle of repose: SandPhysics.steepest) are walls, not slopes of
+// sand: grains neither climb them nor roll off them, and the terms above take 0 for their slope.
 //
 // Over plants (M. Raupach, D. Gillette, J. Leys, J. Geophys. Res. 98, 1993) the stress is divided by 1 +
 // plant_drag lambda, lambda the frontal area per area of ground. Behind plants it recovers (wake.cpp).

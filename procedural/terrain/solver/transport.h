@@ -5,6 +5,8 @@
 #include "procedural/terrain/fields.h"
 #include "procedural/terrain/solver/separation.h"
 
+#include <limits>
+
 namespace marram {
 
 enum class DuneBorder { periodic, open, walled };
@@ -21,7 +23,8 @@ struct SandPhysics {
     double slope_scale = 0.63; // mu: tangent of the slope at which grains roll without wind
     double side_slope = 0.55;  // tangent of the flux's downhill turn, per tangent of the cross slope
     double saturation_scale = 2.2;
-    double steepest = 1.0; // tangent: what is steeper is a wall or a cliff, not a slope of sand
+    double steepest =
+        std::numeric_limits<double>::infinity(); // tangent: a steeper face is a wall, no slope of sand
     bool operator==(const SandPhysics&) const = default;
 
     // L_sat, metres.

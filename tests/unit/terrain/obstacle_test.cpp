@@ -355,7 +355,8 @@ TEST(Obstacle, AWallAlongTheWindIsNoSlope) {
         AirFields air;
         air.height = height.data();
         air.excess = air.along = air.across = none.data();
-        const SandPhysics physics;
+        SandPhysics physics;
+        physics.steepest = 1.0;
         saturate(course, DuneBorder::periodic, physics, 16.0, backwards ? -1.0 : 1.0, 0.0, 0.4, air, pitch,
                  {flux.data(), relax.data(), turn.data(), reach.data()});
         for (size_t row = 0; row < 16; ++row)

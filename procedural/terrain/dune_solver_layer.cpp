@@ -414,10 +414,10 @@ std::unique_ptr<TerrainLayer> make_dune_solver(const LayerContext& context) {
             context.warn(values.place("obstacle"),
                          "the mesh '" + values.text("obstacle") + "' is not on the terrain",
                          "move it, or make the terrain larger");
-        if (run.obstacle.hollow() > 0 && context.warn)
+        if (run.obstacle.open_samples() > 0 && context.warn)
             context.warn(values.place("obstacle"),
                          fmt::format("the mesh '{}' is not closed: it is hollow in {} samples",
-                                     values.text("obstacle"), run.obstacle.hollow()),
+                                     values.text("obstacle"), run.obstacle.open_samples()),
                          "close it if sand should not fill it");
         if (!run.obstacle.empty()) {
             run.settings.separation.convergence = 0.25;

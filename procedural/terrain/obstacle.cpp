@@ -1,22 +1,26 @@
 // SPDX-License-Identifier: Apache-2.0
 // Turns a mesh that stands on a terrain, such as a ruin, into a height field.
 //
-// A cell is the square around a sample, without its upper borders. A triangle that crosses it gives the span of
-// heights of its part in the cell (clipped exactly, so that a thin wall, even a sheet, leaves no hole between cells).
-// The inside of a closed mesh, of either winding, gives the spans between entry and exit of the vertical line through
-// the sample. From these spans the obstacle's top follows: the lowest span must start on the ground, or below, or at
-// most a quarter of a cell above it; its top is the obstacle's, and a span that starts at most a quarter of a cell
-// above continues it upwards. So sand and wind pass through a door, under a lintel, a roof or an arch.
+// A cell is the square around a sample, without its borders at larger x and z. A triangle that crosses it gives the
+// span of heights of its part in the cell, by clipping: a thin wall, even a sheet, leaves no hole between cells. The
+// inside of a closed mesh, of either winding, gives the spans between entry and exit of the vertical line through the
+// sample. From the ground up, each span that begins at most a quarter of a cell above the level reached raises it to
+// its top. If none rises above the ground, the highest buried one above bedrock is the top. So sand and wind pass
+// through a door, under a lintel, a roof or an arch.
 //
 // Error: a wall is wider by at most a cell on either side. An arch that rises from the ground is open where its
-// underside is a quarter of a cell above the ground. Nothing overhangs: a leaning wall is filled below. A mesh that is
-// not closed is hollow: only its surface stands (hollow()).
+// underside is a quarter of a cell above the ground. Nothing overhangs: a leaning part is filled below where its
+// underside is less high than that; elsewhere it is left out. Where entries and exits of a line do not balance, the
+// inside is not filled (open_samples()); a vertical wall that is missing goes unnoticed.
 #include "procedural/terrain/obstacle.h"
 
+#include <algorithm>
 #include <array>
+#include <cmath>
 #include <limits>
 #include <span>
 #include <tuple>
+#include <utility>
 
 namespace marram {
 namespace {
@@ -42,9 +46,10 @@ struct ObstaclePolygon {
     }
 };
 
-// Where the vertical line through (x, z) crosses a triangle. A shared edge belongs to one of its two triangles.
+// Where the vertical line through (x, z) crosses a triangle. On an edge shared by two triangles, one of them counts if
+// they lie on either side of it in plan, else both or neither: entries and exits stay balanced.
 bool obstacle_crossing(const std::array<Vec3d, 3>& p, double x, double z, double& y) {
-    const auto side = [&](const Vec3d& a, const Vec3d& b) {
+    const auto twice_area = [&](const Vec3d& a, const Vec3d& b) {
         // The same bits for both directions of an edge.
         const bool swapped = std::tuple(b.x(), b.z()) < std::tuple(a.x(), a.z());
         const Vec3d &c = swapped ? b : a, &d = swapped ? a : b;
@@ -57,7 +62,7 @@ bool obstacle_crossing(const std::array<Vec3d, 3>& p, double x, double z, double
     std::array<double, 3> weight{};
     for (size_t k = 0; k < 3; ++k) {
         const Vec3d &a = p[(k + 1) % 3], &b = p[(k + 2) % 3];
-        weight[k] = side(a, b) / area;
+        weight[k] = twice_area(a, b) / area;
         if (weight[k] < 0.0) return false;
         if (weight[k] == 0.0) { // on the edge: it belongs to the triangle on one side
             const Vec3d way = area > 0.0 ? Vec3d(b - a) : Vec3d(a - b);
@@ -74,7 +79,7 @@ Obstacle::Obstacle(const Domain& domain, const MarramMesh& mesh) : cell_(domain.
     struct Crossing {
         size_t sample;
         double y;
-        bool enters; // going up
+        bool faces_down; // an entry, going up, if the winding is outward
     };
     std::vector<Crossing> crossings;
     const float* const positions = mesh.positions ? mesh.positions[0] : nullptr;
@@ -125,17 +130,17 @@ Obstacle::Obstacle(const Domain& domain, const MarramMesh& mesh) : cell_(domain.
         }
     }
     std::sort(crossings.begin(), crossings.end(), [](const Crossing& a, const Crossing& b) {
-        return std::tuple(a.sample, a.y, a.enters) < std::tuple(b.sample, b.y, b.enters);
+        return std::tuple(a.sample, a.y, a.faces_down) < std::tuple(b.sample, b.y, b.faces_down);
     });
     int inside = 0;
     double entry = 0.0;
     for (size_t k = 0; k < crossings.size(); ++k) {
         const Crossing& crossing = crossings[k];
         if (inside == 0) entry = crossing.y;
-        inside += crossing.enters ? 1 : -1;
+        inside += crossing.faces_down ? 1 : -1;
         if (inside == 0) spans_.push_back({crossing.sample, float(entry), float(crossing.y)});
         if (k + 1 == crossings.size() || crossings[k + 1].sample != crossing.sample) {
-            hollow_ += inside != 0;
+            open_samples_ += inside != 0;
             inside = 0;
         }
     }
@@ -153,7 +158,7 @@ std::vector<Obstacle::Top> Obstacle::tops(const Fields& below) const {
         double top = ground;
         for (; k < spans_.size() && spans_[k].sample == sample; ++k)
             if (double(spans_[k].low) <= top + gap) top = std::max(top, double(spans_[k].high));
-        // What is wholly below the ground still stops sand that sinks to it.
+        // A buried top still limits how deep the sand can be eroded.
         double buried = -infinity;
         for (size_t n = k; n-- > 0 && spans_[n].sample == sample;)
             if (double(spans_[n].low) <= ground) buried = std::max(buried, double(spans_[n].high));
@@ -190,16 +195,16 @@ void fill_obstacle(const Domain& domain, const float* bedrock, const std::vector
         });
     std::vector<size_t> unfilled; // of tops
     for (size_t k = 0; k < tops.size(); ++k) {
-        bool kept = kinds[tops[k].sample] == Kind::inside && on_top[k] > 0;
+        bool enclosed = kinds[tops[k].sample] == Kind::inside && on_top[k] > 0;
         double sum = 0.0;
         int count = 0;
         each_beside(tops[k].sample, [&](size_t beside) {
-            kept = kept && kinds[beside] != Kind::edge;
+            enclosed = enclosed && kinds[beside] != Kind::edge;
             sum += level[beside], ++count;
         });
-        const bool under =
+        const bool covered =
             sand_metres(on_top[k]) > 0.25 * domain.cell || sum >= count * double(tops[k].height);
-        if (!(kept && under)) unfilled.push_back(k);
+        if (!(enclosed && covered)) unfilled.push_back(k);
     }
     for (const size_t k : unfilled) level[tops[k].sample] = unknown;
     std::vector<double> next;
@@ -212,8 +217,8 @@ void fill_obstacle(const Domain& domain, const float* bedrock, const std::vector
                 if (level[beside] == unknown) return;
                 least = std::min(least, level[beside]), sum += level[beside], ++count;
             });
-            // Beside the ground the lowest level: sand on the high side of a thin wall must not stick out of its low
-            // side. Further inside the mean.
+            // The first ring takes the lowest level beside it: sand on the high side of a thin wall must not stick out of its low
+            // side. Rings further in take the mean.
             if (count > 0) next[n] = first ? least : sum / count;
         }
         size_t left = 0;

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The height field of a mesh that stands on a terrain. The model is documented in obstacle.cpp.
+// The vertical spans of a mesh in each cell of a terrain, and the height field that follows from them. The model is
+// documented in obstacle.cpp.
 #pragma once
 
 #include "core/plugin/marram_plugin.h"
@@ -14,7 +15,7 @@ class Obstacle {
   public:
     struct Top {
         size_t sample;
-        float height; // metres
+        float height; // elevation, metres
     };
 
     Obstacle() = default;
@@ -24,9 +25,9 @@ class Obstacle {
     Obstacle(const Domain& domain, const MarramMesh& mesh);
 
     bool empty() const { return spans_.empty(); }
-    // The number of samples whose vertical line enters the mesh without leaving it, or the reverse: it is not closed.
-    size_t hollow() const { return hollow_; }
-    // The samples where the mesh stands on the terrain `below`, in order, with the height of its top.
+    // The number of samples where entries and exits of the vertical line do not balance: the mesh is not closed there.
+    size_t open_samples() const { return open_samples_; }
+    // The samples where the mesh stands on the terrain `below`, or lies in its sand, in order, with its top.
     std::vector<Top> tops(const Fields& below) const;
 
   private:
@@ -35,14 +36,15 @@ class Obstacle {
         float low, high; // metres
     };
     double cell_ = 1.0;
-    size_t hollow_ = 0;
+    size_t open_samples_ = 0;
     std::vector<Span> spans_; // of all cells, sorted by sample, then by low
 };
 
-// Sets the sand at the samples of `tops` to the level beside them, so that the interpolated surface meets the
-// faces of the mesh. Sand on the mesh is kept where the mesh is buried: no ground within two samples lies more than
-// a cell below its top, and either it is deeper than a quarter of a cell or the surface beside is as high as the top.
-// `sand`: of the terrain; `on_top`: the part of it on the mesh, one for each of `tops`.
+// Fills the samples of `tops` inwards from the level of the sand beside them, so that the interpolated surface meets
+// the faces of the mesh. A sample keeps the sand on its top if neither it nor a neighbouring sample of the mesh stands
+// more than a cell above the ground beside it, and that sand is deeper than a quarter of a cell or the mean level of
+// its neighbours is at least its top. `sand`: of the terrain, the mesh included. `on_top`: the part of it on the mesh,
+// one for each of `tops`.
 void fill_obstacle(const Domain& domain, const float* bedrock, const std::vector<Obstacle::Top>& tops,
                    const std::vector<SandUnits>& on_top, SandUnits* sand);
 

@@ -26,7 +26,7 @@
 // plan both sides of a bubble move in by a quarter of the distance from the brink (in front of a face: from the
 // face). So the shelter of a wall is a triangle twice as long as the wall is wide, if that is shorter than the
 // bubble (compare the shadow dunes of P. Hesp, Sedimentology 28, 1981). The bubble falls to its sides with a slope
-// of 1/2. Dunes alone do without: their bubbles are wider than long.
+// of 1/2. Terrains of dunes alone leave it off: their bubbles are wider than long.
 //
 // The curves run along rays (downwind_rays.h): heights are interpolated onto the rays, the excess of the
 // bubbles back, so ground without bubbles is unchanged. On periodic ground a ray starts before the first row
@@ -133,56 +133,57 @@ void separation_sweep(const float* height, float* excess, int length, double cel
     }
 }
 
-// Values of the rays where they leave periodic ground, at the rays that continue them, `shift` columns further.
-void separation_wrap(double shift, std::vector<float>& values) {
+// Moves values of the rays across the periodic border, where other rays, `shift` columns further, continue them.
+// Interpolates; infinity is no bubble: beside it the finite value counts.
+void separation_shift(double shift, std::vector<float>& values) {
     const std::vector<float> from = values;
     const auto count = long(from.size());
     const long whole = long(std::floor(shift));
     const float part = float(shift - std::floor(shift));
     for (long k = 0; k < count; ++k) {
-        const float near = from[size_t(((k - whole) % count + count) % count)];
-        const float far = from[size_t(((k - whole - 1) % count + count) % count)];
+        const float a = from[size_t(((k - whole) % count + count) % count)];
+        const float b = from[size_t(((k - whole - 1) % count + count) % count)];
         if (part == 0.0F)
-            values[size_t(k)] = near;
+            values[size_t(k)] = a;
         else
-            values[size_t(k)] =
-                std::isinf(near) || std::isinf(far) ? std::min(near, far) : near + part * (far - near);
+            values[size_t(k)] = std::isinf(a) || std::isinf(b) ? std::min(a, b) : a + part * (b - a);
     }
 }
 
-// Closes the sides in. `upwind`: bubbles extend upwind from their faces, not downwind from their brinks. `warm`: rows
-// that the longest bubble crosses.
+// Lowers the excess near the sides of bubbles, which move inwards with the distance from brink or face. `upwind`:
+// bubbles extend upwind from their faces, not downwind from their brinks. `warm`: rows that the longest bubble crosses.
 void separation_narrow(const DownwindGrid& course, const DownwindRays& rays, bool upwind, int warm,
                        double convergence, WideVector<float>& excess) {
     const auto count = size_t(rays.count());
-    const float across = float(course.cell * course.cell / course.spacing()); // metres between rays
-    const float closes = float(convergence * course.spacing());
-    // Metres from the sides of a bubble, across the wind.
-    std::vector<float> sides(count), sides_before(count, infinity_f);
+    const float ray_spacing = float(course.cell * course.cell / course.spacing()); // metres between rays
+    const float inset_per_row = float(convergence * course.spacing());
+    // Metres across the wind to the nearest side of a bubble; infinity: no side.
+    std::vector<float> side_distance(count), distance_before(count, infinity_f);
     // On periodic ground bubbles enter the first row from the last ones.
     for (int n = course.periodic ? -warm : 0; n < course.rows; ++n) {
         if (course.periodic && n == 0)
-            separation_wrap((upwind ? -1.0 : 1.0) * course.rows * course.drift, sides_before);
+            separation_shift((upwind ? -1.0 : 1.0) * course.rows * course.drift, distance_before);
         const int step = n < 0 ? n + course.rows : n;
         float* const row =
             excess.data() + size_t(course.row(upwind ? course.rows - 1 - step : step)) * rays.pitch();
-        // Beyond an open border the ground continues: no side there.
+        // An open border is no side: the distance starts at infinity.
         const auto sweep = [&](size_t k, float& side) {
-            side = row[k] > 0.0F ? side + across : 0.0F;
+            side = row[k] > 0.0F ? side + ray_spacing : 0.0F;
             return side;
         };
         float side = infinity_f;
         if (course.periodic)
             for (size_t k = 0; k < count; ++k) sweep(k, side);
-        for (size_t k = 0; k < count; ++k) sides[k] = sweep(k, side);
+        for (size_t k = 0; k < count; ++k) side_distance[k] = sweep(k, side);
         side = infinity_f;
         if (course.periodic)
             for (size_t k = count; k-- > 0;) sweep(k, side);
         for (size_t k = count; k-- > 0;) {
-            sides[k] = std::max(std::min({sides[k], sweep(k, side), sides_before[k] - closes}), 0.0F);
-            // The next row continues this bubble, or starts another one.
-            sides_before[k] = row[k] > 0.0F ? sides[k] : infinity_f;
-            if (n >= 0) row[k] = std::min(row[k], separation_side_slope * sides[k]);
+            side_distance[k] = std::max(
+                std::min({side_distance[k], sweep(k, side), distance_before[k] - inset_per_row}), 0.0F);
+            // A bubble that starts in the next row is not narrowed by this one.
+            distance_before[k] = row[k] > 0.0F ? side_distance[k] : infinity_f;
+            if (n >= 0) row[k] = std::min(row[k], separation_side_slope * side_distance[k]);
         }
     }
 }

@@ -152,9 +152,9 @@ TEST(Obstacle, BordersAndWindings) {
             for (size_t k = 0; k < solid.blocks.triangles.size(); k += 3)
                 std::swap(solid.blocks.triangles[k], solid.blocks.triangles[k + 1]);
         EXPECT_EQ(solid.tops().size(), 13U * 9U);
-        EXPECT_EQ(Obstacle(solid.domain, solid.blocks.mesh()).hollow(), 0U);
+        EXPECT_EQ(Obstacle(solid.domain, solid.blocks.mesh()).open_samples(), 0U);
         solid.blocks.triangles.erase(solid.blocks.triangles.begin(), solid.blocks.triangles.begin() + 6);
-        EXPECT_EQ(Obstacle(solid.domain, solid.blocks.mesh()).hollow(), 12U * 9U);
+        EXPECT_EQ(Obstacle(solid.domain, solid.blocks.mesh()).open_samples(), 12U * 9U);
         EXPECT_EQ(solid.tops().size(), 2U * 13U + 2U * 7U);
     }
 }

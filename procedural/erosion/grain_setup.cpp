@@ -103,6 +103,26 @@ bool find_grain_box(GrainTracer& tracer) {
     return true;
 }
 
+// Of the box in which grains fly, and what is above it, as far as there is anything. The more paths, the more rays a
+// fine grid saves.
+void find_empty_space(GrainTracer& tracer) {
+    const GrainBox& box = tracer.box;
+    RTCBounds bounds{};
+    rtcGetSceneBounds(tracer.scene, &bounds);
+    Eigen::AlignedBox3d whole(Vec3d(bounds.lower_x, bounds.lower_y, bounds.lower_z),
+                              Vec3d(bounds.upper_x, bounds.upper_y, bounds.upper_z));
+    Eigen::AlignedBox3d flown;
+    for (int k = 0; k < 4; ++k)
+        flown.extend((k & 1 ? box.s1 : box.start) * box.along + (k & 2 ? box.t1 : box.t0) * box.across);
+    const double slack =
+        0x1p-16 * (box.size + flown.min().cwiseAbs().maxCoeff() + flown.max().cwiseAbs().maxCoeff());
+    flown.min() -= Vec3d::Constant(slack), flown.max() += Vec3d::Constant(slack);
+    flown.min().y() = box.y0 - slack, flown.max().y() = std::max(whole.max().y(), box.y1) + slack;
+    whole.min() -= Vec3d::Constant(slack), whole.max() += Vec3d::Constant(slack);
+    const double cells = 0.5 * std::cbrt(double(tracer.settings.paths));
+    tracer.empty = EmptySpace(tracer.scene, whole.intersection(flown), int(std::clamp(cells, 4.0, 64.0)));
+}
+
 void take_worn_meshes(GrainTracer& tracer, std::span<const WornMesh> meshes, size_t wear,
                       size_t triangle_wear) {
     size_t vertices = 0, triangles = 0;

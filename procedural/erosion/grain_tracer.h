@@ -2,6 +2,7 @@
 // Shared by grains.cpp and grain_setup.cpp only: the state of a trace.
 #pragma once
 
+#include "procedural/erosion/empty_space.h"
 #include "procedural/erosion/grains.h"
 
 #include <vector>
@@ -28,6 +29,10 @@ struct GrainMesh {
     size_t first_vertex = 0, first_triangle = 0;
 };
 
+struct EventSeeds { // of the random numbers of an event
+    uint32_t order = 0, scrambling[2] = {0, 0};
+};
+
 struct GrainTracer {
     RTCScene scene = nullptr;
     GrainSettings settings;
@@ -35,8 +40,10 @@ struct GrainTracer {
     std::vector<GrainMesh> meshes; // sorted by id
     std::vector<unsigned> sand;    // sorted
     GrainBox box;
+    EmptySpace empty;
     double sag = 0.0, threshold = 0.0, settle = 0.0, launch = 0.0; // launch: sqrt(g H)
-    std::array<uint32_t, 5> shifts{}; // scrambling seeds of the dimensions of a start
+    std::array<uint32_t, 5> shifts{};         // scrambling seeds of the dimensions of a start
+    std::array<EventSeeds, 64> event_seeds{}; // of the first events
     std::vector<int64_t> vertex_quanta, triangle_quanta;
 };
 
@@ -46,6 +53,9 @@ void take_worn_meshes(GrainTracer& tracer, std::span<const WornMesh> meshes, siz
 
 // false: there is nothing to wear, or no wind.
 bool find_grain_box(GrainTracer& tracer);
+
+// After find_grain_box().
+void find_empty_space(GrainTracer& tracer);
 
 // Converts quanta to depths, metres a year.
 void write_wear(const GrainTracer& tracer, double volume_per_quantum, std::span<double> wear,

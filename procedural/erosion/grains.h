@@ -50,10 +50,10 @@ struct GrainSettings {
     double threshold_speed = 1.0;   // m/s, at normal incidence: slower grains cause no wear
     double angle_exponent = 2.0;    // n in E sin^n(angle); 2: energy normal to the surface, 0: total energy
     double normal_restitution = 0.6, tangent_restitution = 0.85; // speed after / before, 0 to 1
-    double scatter = 0.3;      // 0 to 1: deviation of rebounds from specular reflection
-    double settle_speed = 0.5; // m/s: slower grains come to rest
-    uint32_t most_hits = 32;   // hits except on sand, 1 or more; then the grain is terminated
-    uint32_t most_segments = 4096;
+    double scatter = 0.3;          // 0 to 1: deviation of rebounds from specular reflection
+    double settle_speed = 0.5;     // m/s: slower grains come to rest
+    uint32_t most_hits = 32;       // hits except on sand, 1 or more; then the grain is terminated
+    uint32_t most_segments = 4096; // rays and arcs; then the grain is terminated
 
     // Sand: a grain that lands there is replaced by a new grain of the stream.
     std::optional<double> ground;        // level sand everywhere at this height y
@@ -96,7 +96,8 @@ struct GrainReport {
 
 struct GrainHooks {
     std::function<bool()> cancelled; // polled often, from any thread
-    // Receives every batch of rays before it is traced, from any thread: for measurements.
+    // Receives every batch of rays before it is traced, from any thread: for measurements. Then rays are also traced
+    // through empty space.
     std::function<void(std::span<const RTCRayHit>)> rays;
 };
 

@@ -52,12 +52,26 @@ constexpr std::array<std::array<uint32_t, 32>, 5> sobol_directions() {
     return v;
 }
 
+// The directions of each byte of an index, combined.
+using SobolBytes = std::array<std::array<uint32_t, 256>, 4>;
+constexpr std::array<SobolBytes, 5> sobol_bytes() {
+    const auto directions = sobol_directions();
+    std::array<SobolBytes, 5> sums{};
+    for (size_t d = 0; d < 5; ++d)
+        for (size_t byte = 0; byte < 4; ++byte)
+            for (size_t k = 0; k < 8; ++k)
+                for (size_t value = 0; value < size_t{1} << k; ++value)
+                    sums[d][byte][(size_t{1} << k) + value] =
+                        sums[d][byte][value] ^ directions[d][8 * byte + k];
+    return sums;
+}
+
 // Coordinate `dimension` (0 to 4) of a point, in [0, 1).
 inline double sobol_point(uint32_t index, int dimension, uint32_t seed) {
-    static constexpr auto directions = sobol_directions();
-    uint32_t x = 0;
-    for (uint32_t left = index; left != 0; left &= left - 1)
-        x ^= directions[size_t(dimension)][size_t(__builtin_ctz(left))];
+    static constexpr std::array<SobolBytes, 5> sums = sobol_bytes();
+    const SobolBytes& of = sums[size_t(dimension)];
+    const uint32_t x =
+        of[0][index & 255U] ^ of[1][index >> 8 & 255U] ^ of[2][index >> 16 & 255U] ^ of[3][index >> 24];
     return double(owen_shuffle(x, seed)) * 0x1p-32;
 }
 

@@ -177,11 +177,15 @@ void print_speed(int size, uint64_t paths) {
     seconds("mesh to level set",
             [&] { rock.emplace(LevelSet::from_mesh(sphere.positions, sphere.triangles, voxel)); });
     const RockDevice device;
-    const RockWear wear = grain_wear({.device = device.device, .winds = {{rock_grains(0.3, paths), 1.0}}});
+    const RockScenery scenery{.device = device.device, .winds = {{rock_grains(0.3, paths), 1.0}}};
     std::vector<double> rate;
+    GrainReport grains;
     double pass = 0.0;
     pass += seconds("extract the mesh", [&] { rate.resize(rock->mesh().vertex_count()); });
-    pass += seconds("trace the grains", [&] { wear(rock->mesh(), 0, rate); });
+    pass += seconds("trace the grains", [&] { grains = wear_by_grains(scenery, rock->mesh(), 0, rate); });
+    const auto a_path = [&](uint64_t count) { return double(count) / double(grains.grains); };
+    std::printf("%28s %.2f rays, %.2f hits of rock, %.2f landings a path\n", "", a_path(grains.rays),
+                a_path(grains.worn_hits), a_path(grains.sand_hits));
     pass += seconds("blur, hardness", [&] {
         blur_over_surface(rock->mesh(), 3, rate);
         std::vector<double> hardness(rate.size());

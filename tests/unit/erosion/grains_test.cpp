@@ -127,6 +127,61 @@ TEST(Grains, EveryGrainAndItsEnergyIsAccountedFor) {
         }
 }
 
+// Empty space saves rays and changes no bit: chords are the same with a ray for each.
+TEST(Grains, EmptySpaceChangesNothing) {
+    struct Case {
+        const char* name;
+        double drag, gravity, ground; // ground below 0: none
+        bool sand;
+        double reach, least_saved; // m; share of the rays
+    };
+    for (const Case c : {Case{"parabolas", 0.0, 9.81, -1.0, false, infinity, 0.1},
+                         Case{"parabolas in a small box", 0.0, 9.81, -1.0, false, 0.2, 0.0},
+                         Case{"level sand", 0.0, 9.81, 0.0, false, infinity, 0.5},
+                         Case{"drag", 0.2, 9.81, 0.0, false, infinity, 0.3},
+                         Case{"drag in a small box", 0.2, 9.81, -1.0, false, 0.2, 0.0},
+                         Case{"straight", 0.0, 0.0, -1.0, false, infinity, 0.0},
+                         Case{"a mesh of sand", 0.0, 9.81, -1.0, true, infinity, 0.1}}) {
+        GrainScene scene;
+        const unsigned rock = scene.add(grain_sphere({0.0, 0.5, 0.0}, 0.4, 24));
+        const unsigned plate =
+            scene.add(grain_plate({-2.0, 0.01, -1.5}, {0.0, 0.03, 4.0}, {4.0, 0.0, 0.0}, 8, 8));
+        scene.commit();
+        GrainSettings s;
+        s.paths = 20000, s.spread = 0.2, s.height = 0.3, s.drag_time = c.drag, s.gravity = c.gravity;
+        s.reach = c.reach;
+        if (c.ground >= 0.0) s.ground = c.ground;
+        if (c.sand) s.sand = std::span(&plate, 1);
+        GrainHooks every;
+        every.rays = [](std::span<const RTCRayHit>) {};
+        const GrainResult few = traced(scene, scene.worn(rock), s),
+                          all = traced(scene, scene.worn(rock), s, every);
+        expect_accounts(few.report);
+        EXPECT_GT(few.report.worn_hits, 500u) << c.name;
+        EXPECT_EQ(few.vertices, all.vertices) << c.name;
+        EXPECT_EQ(few.triangles, all.triangles) << c.name;
+        EXPECT_EQ(few.report.left, all.report.left) << c.name;
+        EXPECT_EQ(few.report.ended, all.report.ended) << c.name;
+        EXPECT_EQ(few.report.sand_hits, all.report.sand_hits) << c.name;
+        EXPECT_LT(double(few.report.rays), (1.0 - c.least_saved) * double(all.report.rays)) << c.name;
+    }
+}
+
+// A hop from level sand returns at the speed at which it left: nothing is lost or won but by landing.
+TEST(Grains, LandsExactly) {
+    GrainScene scene;
+    const unsigned rock = scene.add(grain_sphere({0.0, 50.0, 0.0}, 1.0, 8)); // above all hops
+    scene.add(grain_plate({-20.0, 0.0, -1.0}, {40.0, 0.0, 0.0}, {0.0, 0.0, 2.0}));
+    scene.commit();
+    GrainSettings s;
+    s.paths = 1000, s.ground = 0.01;
+    const GrainResult result = traced(scene, scene.worn(rock), s);
+    expect_accounts(result.report);
+    EXPECT_GT(result.report.sand_hits, 10000u);
+    EXPECT_EQ(result.report.other_hits, 0u); // the plate is below the sand
+    EXPECT_EQ(result.report.left[size_t(GrainSide::downwind)], 1000u);
+}
+
 // ---- hostile inputs ----
 
 TEST(Grains, NothingToWearOrNoWindIsNoError) {

@@ -1,0 +1,92 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "procedural/erosion/empty_space.h"
+
+#include "core/math/hash.h"
+#include "grain_cases.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace marram::testing {
+namespace {
+
+constexpr double ball_radius = 0.7;
+
+// The radius of the ball around p that is known to be empty: how far a straight path gets in one step.
+double empty_radius(const EmptySpace& empty, const Vec3d& p) {
+    Parabolas8 paths{};
+    for (int axis = 0; axis < 3; ++axis) paths.x[axis][3] = float(p[axis] - empty.low()[axis]);
+    paths.v[1][3] = 1.0F;
+    paths.end[3] = 1e6F;
+    empty.step(paths);
+    return double(paths.clear[3]);
+}
+
+Vec3d point_in(const Eigen::AlignedBox3d& box, uint64_t k) {
+    return box.min() + Vec3d(unit_double(hash(k, 1)), unit_double(hash(k, 2)), unit_double(hash(k, 3)))
+                           .cwiseProduct(box.sizes());
+}
+
+TEST(EmptySpace, IsNeverTooLargeAndAFewCellsTooSmall) {
+    const Vec3d centre(30.0, -2.0, 5.0);
+    GrainScene scene;
+    scene.add(grain_sphere(centre, ball_radius, 64));
+    scene.commit();
+    for (const int cells : {1, 2, 7, 32, 100}) {
+        const Eigen::AlignedBox3d box(centre - Vec3d(1.5, 1.0, 2.0), centre + Vec3d(1.0, 2.5, 1.2));
+        const EmptySpace empty(scene.get(), box, cells);
+        const double cell = box.sizes().maxCoeff() / cells;
+        double too_small = 0.0;
+        for (uint64_t k = 0; k < 20000; ++k) {
+            // Also outside the box.
+            const Eigen::AlignedBox3d wide(box.min() - box.sizes(), box.max() + box.sizes());
+            const Vec3d p = point_in(k % 2 == 0 ? box : wide, k);
+            const double nearest = std::abs((p - centre).norm() - ball_radius);
+            const double radius = empty_radius(empty, p);
+            ASSERT_LT(radius, nearest + 1e-3 * ball_radius) << cells; // the facets are below the ball
+            if (box.contains(p) && nearest < 60.0 * cell) too_small = std::max(too_small, nearest - radius);
+        }
+        EXPECT_LT(too_small, 4.1 * cell + 0.1 * ball_radius) << cells; // 0.1: a leaf of the BVH
+    }
+}
+
+TEST(EmptySpace, AStepStaysInsideTheBall) {
+    const Vec3d centre(0.0, 0.0, 0.0);
+    GrainScene scene;
+    scene.add(grain_sphere(centre, ball_radius, 32));
+    scene.commit();
+    const Eigen::AlignedBox3d box(Vec3d::Constant(-2.0), Vec3d::Constant(2.0));
+    const EmptySpace empty(scene.get(), box, 40);
+    for (uint64_t k = 0; k < 2000; ++k) {
+        const Vec3d p = point_in(box, k), v = 10.0 * (point_in(box, k + 77777));
+        const double a = -9.81 * unit_double(hash(k, 9));
+        Parabolas8 paths{};
+        for (int axis = 0; axis < 3; ++axis)
+            paths.x[axis][0] = float(p[axis] - empty.low()[axis]), paths.v[axis][0] = float(v[axis]);
+        paths.a[1][0] = float(a), paths.end[0] = 10.0F;
+        const double radius = empty_radius(empty, p);
+        empty.step(paths);
+        const auto t = double(paths.clear[0]);
+        const Vec3d way = t * v + 0.5 * a * t * t * Vec3d::UnitY();
+        EXPECT_LE(way.norm(), radius * (1.0 + 1e-5) + 1e-6);
+    }
+}
+
+TEST(EmptySpace, NothingIsKnownOfNothing) {
+    const EmptySpace none;
+    EXPECT_EQ(empty_radius(none, Vec3d(1.0, 2.0, 3.0)), 0.0);
+    GrainScene scene;
+    scene.add(grain_sphere(Vec3d::Zero(), 1.0, 4));
+    scene.commit();
+    const double nan = std::numeric_limits<double>::quiet_NaN();
+    const Eigen::AlignedBox3d point(Vec3d::Zero(), Vec3d::Zero());
+    EXPECT_EQ(empty_radius(EmptySpace(scene.get(), point, 10), Vec3d(1.0, 2.0, 3.0)), 0.0);
+    const EmptySpace empty(scene.get(), Eigen::AlignedBox3d(Vec3d::Constant(-2.0), Vec3d::Constant(2.0)), 10);
+    EXPECT_EQ(empty_radius(empty, Vec3d(nan, nan, nan)), 0.0);
+}
+
+} // namespace
+} // namespace marram::testing

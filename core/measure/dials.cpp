@@ -16,9 +16,22 @@ namespace {
 
 constexpr std::string_view procedural_meshes = "procedural_meshes"; // seconds.procedural_meshes of the report
 
-// The values of a sweep as TOML.
-std::vector<std::string> texts_of_sweep(const ParamSpec& spec) {
+// The end of a sweep "1..name", which are all integers up to that parameter of the item. 0: another sweep.
+long end_of_sweep(const ParamSpec& spec, const Item& item) {
+    const size_t dots = spec.sweep.find("..");
+    const ParamValue* last =
+        dots != std::string::npos ? item.params.find(spec.sweep.substr(dots + 2)) : nullptr;
+    return last && !last->numbers.empty() ? std::lround(last->numbers[0]) : 0;
+}
+
+// The values of a sweep as TOML, for an item that declares it.
+std::vector<std::string> texts_of_sweep(const ParamSpec& spec, const Item& item) {
     std::vector<std::string> values;
+    if (spec.sweep.find("..") != std::string::npos) {
+        for (long k = std::stol(spec.sweep); k <= end_of_sweep(spec, item); ++k)
+            values.push_back(std::to_string(k));
+        return values;
+    }
     std::istringstream text(spec.sweep);
     for (std::string value; std::getline(text, value, '|');)
         values.push_back(spec.type == ParamType::choice ? fmt::format("\"{}\"", value) : value);
@@ -84,15 +97,14 @@ Dial samples(const Shot& shot) {
 
 // Any other parameter with a sweep. The reference is the last of its values. change: returns the changes that
 // set a value.
-Dial declared(const ParamSpec& spec, const std::string& name,
+Dial declared(const ParamSpec& spec, const std::string& name, const std::vector<std::string>& values,
               const std::function<std::vector<std::string>(const std::string& value)>& change) {
     constexpr std::string_view seconds = "seconds.";
     Dial dial{name, spec.help + ". Error against the last.", "strands", DialError::pose, false, {}, 0};
     if (spec.sweep_time.starts_with(seconds)) dial.time = spec.sweep_time.substr(seconds.size());
     if (dial.time == procedural_meshes) dial.error = DialError::surface;
     if (dial.time == "view") dial.error = DialError::view;
-    for (const std::string& value : texts_of_sweep(spec))
-        dial.settings.push_back({value, change(value), false, 0});
+    for (const std::string& value : values) dial.settings.push_back({value, change(value), false, 0});
     dial.reference = dial.settings.size() - 1;
     dial.settings.push_back({"as it is", {}, true, 0});
     return dial;
@@ -120,7 +132,7 @@ void add_declared_of_lists(const Shot& shot, const ItemSchema& schema, std::vect
                     return changes;
                 };
                 if (change("0").empty()) continue;
-                list.dials.push_back(declared(spec, name, change));
+                list.dials.push_back(declared(spec, name, texts_of_sweep(spec, {}), change));
                 done.push_back(name);
             }
 }
@@ -134,8 +146,13 @@ void add_declared(const Shot& shot, DialList& list) {
                 if (spec.sweep.empty() || !gives_any_of_table(item, spec.name) ||
                     std::ranges::find(done, spec.name) != done.end())
                     continue;
-                list.dials.push_back(declared(spec, spec.name, [&](const std::string& value) {
-                    return set_in_procedurals(shot, spec.name, value);
+                const std::vector<std::string> values = texts_of_sweep(spec, item);
+                if (values.size() < 2) continue;
+                list.dials.push_back(declared(spec, spec.name, values, [&](const std::string& value) {
+                    return set_in_procedurals(shot, spec.name, value, [&](const Item& other) {
+                        const long end = end_of_sweep(spec, other);
+                        return end == 0 || std::stol(value) <= end;
+                    });
                 }));
                 done.push_back(spec.name);
             }

@@ -27,8 +27,8 @@ struct DialSetting {
 enum class DialError {
     pose,      // CVs, as a fraction of the strand's length
     motion,    // CVs over the shutter, in pixels of the film
-    surface,   // heights of growth surfaces (meshes made by procedurals), in metres
-    attribute, // the first attribute of growth surfaces without heights, relative to the reference's
+    surface,   // heights or shapes of growth surfaces (meshes made by procedurals), in metres
+    attribute, // the first attribute of growth surfaces of one shape, relative to the reference's
     view,      // heights of render meshes, in pixels at their distance
     image      // pixel values, relative to the reference's mean
 };

@@ -7,6 +7,7 @@
 
 #include "core/geometry/curve_compare.h"
 #include "core/geometry/hit.h"
+#include "core/geometry/mesh_compare.h"
 #include "core/math/clock.h"
 #include "core/shot/scene_camera.h"
 #include "core/shot/settings.h"
@@ -133,24 +134,29 @@ double grid_at(const GridValues& values, double x, double z) {
     return (1 - t) * ((1 - s) * at(i, j) + s * at(i1, j)) + t * ((1 - s) * at(i, j1) + s * at(i1, j1));
 }
 
-// Compares the heights of all terrains, in metres, at the samples of the reference's grids.
+void compare_heights(const GridValues& mine, const GridValues& exact, MeshDistance& sum) {
+    const MarramGrid& grid = exact.grid;
+    for (uint32_t j = 0; j < grid.ny; ++j)
+        for (uint32_t i = 0; i < grid.nx; ++i)
+            sum.add(std::abs(
+                grid_at(mine, grid.origin[0] + i * grid.axes[0][0], grid.origin[2] + j * grid.axes[1][2]) -
+                double(exact.values[size_t(j) * grid.nx + i])));
+}
+
+// Compares meshes made by procedurals, in metres: heights of terrains at the samples of the reference's grids, and the
+// distances of others.
 void compare_surfaces(const World& world, const World& reference, SettingResult& result) {
-    double squares = 0.0, count = 0.0;
+    MeshDistance sum;
     for (uint32_t id = 0; id < std::min(world.meshes.size(), reference.meshes.size()); ++id) {
         const MeshGeometry &mine = world.growth_surface(id), &exact = reference.growth_surface(id);
-        if (mine.grids.empty() || exact.grids.empty() || exact.grids[0].name != "height") continue;
-        const MarramGrid& grid = exact.grids[0].grid;
-        for (uint32_t j = 0; j < grid.ny; ++j)
-            for (uint32_t i = 0; i < grid.nx; ++i) {
-                const double gap = std::abs(grid_at(mine.grids[0], grid.origin[0] + i * grid.axes[0][0],
-                                                    grid.origin[2] + j * grid.axes[1][2]) -
-                                            double(exact.grids[0].values[size_t(j) * grid.nx + i]));
-                squares += gap * gap;
-                count += 1.0;
-                result.worst = std::max(result.worst, gap);
-            }
+        const bool heights = !mine.grids.empty() && !exact.grids.empty() && exact.grids[0].name == "height";
+        if (heights)
+            compare_heights(mine.grids[0], exact.grids[0], sum);
+        else if (mine.topology != exact.topology)
+            sum.add(mesh_distance(world, id, exact));
     }
-    result.error = count > 0.0 ? std::sqrt(squares / count) : 0.0;
+    result.error = sum.rms();
+    result.worst = sum.worst;
 }
 
 // Compares the first attribute of all meshes, relative to its root mean square in the reference.

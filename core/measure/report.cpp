@@ -36,7 +36,7 @@ std::string error_name(const Dial& dial) {
     case DialError::motion:
         return "error, pixels (99 strands in 100 stay below)";
     case DialError::surface:
-        return "error, metres of height (rms)";
+        return "error, metres of the surface (rms)";
     case DialError::attribute:
         return "error, of the mesh's first attribute, relative (rms)";
     case DialError::view:

@@ -210,7 +210,8 @@ typedef struct MarramParam {
     /* "a|b|c" of a choice; "each" of a MARRAM_MESH_NAME that may be a list: one instance for each; else "" */
     const char* choices;
     const char* help; /* one line */
-    /* Values that `marram measure` tries, as in a scene: "1|4|16". "" or NULL: none. */
+    /* Values that `marram measure` tries, as in a scene: "1|4|16", or "1..levels": all integers up to the parameter
+       `levels`. "" or NULL: none. */
     const char* sweep;
     /* The report entry whose seconds it affects: "seconds.shield". "" or NULL: all stages. */
     const char* sweep_time;

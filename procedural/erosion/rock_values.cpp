@@ -57,7 +57,7 @@ constexpr std::array rock_values = {
     MarramParam{"levels", MARRAM_INTEGER, "", "0", 0, max_erosion_levels, "",
                 "number of erosion levels, coarse first; 0: no erosion"},
     MarramParam{"level", MARRAM_INTEGER, "", "none", 1, max_erosion_levels, "",
-                "level to output; none: the last"},
+                "level to output; none: the last", "1..levels", "seconds.procedural_meshes"},
     MarramParam{"voxel", MARRAM_NUMBER, "m", "none", 1e-5, 1e4, "",
                 "of the last level; none: a 128th of the mesh's greatest extent"},
     MarramParam{"years", MARRAM_NUMBER, "", "1000", 0, 1e9, "", "of wind"},

@@ -276,6 +276,38 @@ type = "noise"
     EXPECT_EQ(number(rows[3], "error"), 0.0); // the reference
 }
 
+// Levels of erosion have different meshes: their distances are compared. A coarse level is the fine one, smoothed.
+TEST(Measure, turns_the_levels_of_a_rock) {
+    const Folder folder;
+    const std::string scene = folder.write("a.toml", std::string(small_picture) + R"([[mesh]]
+name = "block"
+type = "sphere"
+material = "soil"
+[[procedural]]
+type = "rock"
+name = "boulder"
+mesh = "block"
+material = "soil"
+paths = 5000
+levels = 2
+voxel = 0.1
+years = 20
+)");
+    const ProgramResult done =
+        marram({"measure", scene, "--out", folder / "report", "--seconds", "1000", "--rounds", "1"});
+    EXPECT_EQ(done.code, 0) << done.err;
+    const auto dials = rows_by_dial(read_file(folder / "report/measure.csv"));
+    ASSERT_TRUE(dials.contains("level")) << done.out;
+    const std::vector<Row>& rows = dials.at("level");
+    ASSERT_EQ(rows.size(), 3u) << done.out; // and "as it is"
+    EXPECT_EQ(rows[0].at("unit"), "m");
+    EXPECT_GT(number(rows[0], "error"), 0.001) << done.out;
+    EXPECT_LT(number(rows[0], "error"), 0.1) << done.out; // half a voxel of the first level
+    EXPECT_EQ(number(rows[1], "error"), 0.0);             // the reference
+    EXPECT_EQ(number(rows[2], "error"), 0.0);
+    EXPECT_LT(number(rows[0], "ratio"), 1.0) << done.out;
+}
+
 TEST(Measure, says_what_it_leaves_out) {
     const Folder folder;
     const std::string scene = folder.write("a.toml", SceneText{});

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Occupied cells are found from the root of an octree down: Embree's point query calls back for every primitive in a
 // leaf whose bounds touch a sphere; a block of cells is empty if none is called for the sphere around it. So no
-// primitive is read, and every type of geometry counts.
+// primitive is read. Embree does not call back for curves, points and subdivision surfaces.
 //
 // Distances: between two cells that are i, j and k cells apart there are max(|i| - 1, 0), ... empty ones, so that
 // points in them are at least the root of the sum of their squares apart. The least of these squares over the occupied
@@ -119,7 +119,7 @@ MARRAM_HOT void take_steps(const VFloat& distance, const VFloat& outside, Parabo
     const VFloat a = vsqrt(squared_a);
     const VFloat sum = vsqrt(squared) + vsqrt(squared + 2.0F * a * free);
     const VFloat time = sum > VFloat{} ? 2.0F * free / sum : (free > VFloat{} ? p.end : VFloat{});
-    const VInt near = ~(time > p.least);
+    const VInt near = ~(time > greater(p.least, p.clear * 0x1p-20F)); // else `clear` might not change
     p.clear = near ? p.clear : p.clear + time;
     done = near | (p.clear >= p.end);
 }

@@ -25,13 +25,13 @@ class EmptySpace {
   public:
     EmptySpace() = default; // nothing is known to be empty
 
-    // What lies outside `box` is left out. `cells`: along its longest edge, 1 to 128. 64 take 27 ms on two cores, and
+    // What lies outside `box` is left out, and so are curves, points and subdivision surfaces. `cells`: along its longest edge, 1 to 128. 64 take 27 ms on two cores, and
     // 256 kB.
     EmptySpace(RTCScene scene, const Eigen::AlignedBox3d& box, int cells);
 
     const Vec3d& low() const { return low_; }
     // Moves `clear` on by one step in each of eight parabolas: as far as they stay in a ball that is empty at the first
-    // motion sample. Its radius is never too large; up to 60 cells it is too small by at most 4.1 cells and the extent
+    // motion sample. For what is in the box its radius is never too large; up to 60 cells it is too small by at most 4.1 cells and the extent
     // of a leaf of Embree's BVH. Returns bits of the parabolas that are done: at their end, or near something.
     uint32_t step(Parabolas8& parabolas) const;
 

@@ -118,7 +118,7 @@ struct GrainState {
     Vec3d x, v;
 };
 
-enum class ArcEnd { lands, leaves, goes_on };
+enum class ArcEnd { lands, leaves, goes_on, gives_up };
 
 // A grain on an arc: from its last event to the next if it hits nothing.
 struct Grain {
@@ -133,7 +133,8 @@ struct Grain {
     double from = 0.0, to = 0.0;          // its ends while a ray traces it, s
     uint64_t path = 0;
     int64_t energy = 0; // quanta after the last event
-    uint32_t hits = 0, landings = 0, steps = 0;
+    uint32_t hits = 0, landings = 0;
+    uint64_t segments = 0; // chords of the arcs before, traced or not
 };
 
 // ---- the stream ----
@@ -217,7 +218,9 @@ GrainState state_after(const GrainTracer& tracer, const Grain& grain, double t) 
 }
 
 GrainState end_of_arc(const GrainTracer& tracer, const Grain& grain) {
-    return tracer.settings.drag_time > 0.0 ? grain.last : state_after(tracer, grain, grain.end);
+    return tracer.settings.drag_time > 0.0 && grain.at_end != ArcEnd::gives_up
+               ? grain.last
+               : state_after(tracer, grain, grain.end);
 }
 
 // The time at which q + v t + a t^2 / 2 falls to `low`, a <= 0. From below it, it is the time until q again.
@@ -266,6 +269,12 @@ void end_arc_after_chord(const GrainTracer& tracer, Grain& grain) {
         grain.at_end = ArcEnd::lands;
         grain.end *= std::clamp((grain.x.y() - *ground) / (grain.x.y() - at.y()), 0.0, 1.0);
         grain.last = state_after(tracer, grain, grain.end);
+        // Newton's iteration from where the chord lands: a grain must not stop above what lies on the sand.
+        for (int k = 0; k < 4 && grain.last.v.y() < 0.0; ++k) {
+            grain.end =
+                std::clamp(grain.end + (grain.last.x.y() - *ground) / -grain.last.v.y(), 0.0, grain.first);
+            grain.last = state_after(tracer, grain, grain.end);
+        }
         return;
     }
     const double s = at.dot(box.along), t = at.dot(box.across);
@@ -273,11 +282,21 @@ void end_arc_after_chord(const GrainTracer& tracer, Grain& grain) {
     const auto leaves_if = [&](bool beyond, GrainSide side) {
         if (beyond) grain.at_end = ArcEnd::leaves, grain.side = side;
     };
+    leaves_if(tracer.settings.gravity <= 0.0 && at.y() > box.y1 && grain.last.v.y() >= 0.0, GrainSide::above);
     leaves_if(at.y() < box.y0, GrainSide::below);
     leaves_if(t > box.t1 + edge, GrainSide::right);
     leaves_if(t < box.t0 - edge, GrainSide::left);
     leaves_if(s < box.start - edge, GrainSide::upwind);
     leaves_if(s > box.s1, GrainSide::downwind);
+}
+
+double start_of_chord(const Grain& grain, uint32_t chord) {
+    return chord == 0 ? 0.0 : grain.first + (chord - 1) * grain.others;
+}
+
+// The number of chords up to a time.
+double chords_to(const Grain& grain, double time) {
+    return time > grain.first ? 1.0 + std::ceil((time - grain.first) / grain.others) : 1.0;
 }
 
 // Starts an arc at grain.x with grain.v. normal: of the surface that the grain leaves, or zero.
@@ -300,11 +319,12 @@ void start_arc(const GrainTracer& tracer, Grain& grain, const Vec3d& normal) {
         end_arc_after_chord(tracer, grain);
     else
         end_arc_exactly(tracer, grain);
+    const double left = double(s.most_segments) - double(grain.segments);
+    if (chords_to(grain, grain.end) > left) {
+        grain.end = left > 0.0 ? start_of_chord(grain, uint32_t(left)) : 0.0;
+        grain.at_end = ArcEnd::gives_up;
+    }
     grain.length = (v + 0.5 * a * grain.end) * grain.end;
-}
-
-double start_of_chord(const Grain& grain, uint32_t chord) {
-    return chord == 0 ? 0.0 : grain.first + (chord - 1) * grain.others;
 }
 
 // Makes the next chord that may hit something the grain's next one. clear: nothing is hit before, s; less than
@@ -318,13 +338,21 @@ void find_chord(Grain& grain, double clear) {
     grain.to = std::min(start_of_chord(grain, grain.chord + 1), grain.end);
 }
 
+bool is_outside(const GrainTracer& tracer, const Vec3d& p) {
+    const GrainBox& box = tracer.box;
+    const double s = p.dot(box.along), t = p.dot(box.across);
+    return !(s >= box.start && s <= box.s1 && t >= box.t0 && t <= box.t1);
+}
+
 // Sets up the test for empty space from the grain's next chord on. false: none of the arc is left.
 bool set_parabola(const GrainTracer& tracer, const Grain& grain, int lane, Parabolas8& out) {
     const double begin = start_of_chord(grain, grain.chord);
     if (!(begin < grain.end)) return false;
-    const Vec3d x = grain.x - tracer.empty.low();
+    // From there on, so that floats are fine enough for its times.
+    const GrainState from = state_after(tracer, grain, begin);
     const bool drags = tracer.settings.drag_time > 0.0; // then the only chord, which is straight
-    const Vec3d v = drags ? Vec3d((grain.last.x - grain.x) / grain.end) : grain.v;
+    const Vec3d x = from.x - tracer.empty.low(),
+                v = drags ? Vec3d((grain.last.x - grain.x) / grain.end) : from.v;
     const Vec3d a = drags ? Vec3d::Zero() : grain.acceleration;
     const double ball = drags ? 0.0 : tracer.sag;
     for (int axis = 0; axis < 3; ++axis) {
@@ -332,12 +360,13 @@ bool set_parabola(const GrainTracer& tracer, const Grain& grain, int lane, Parab
         out.v[axis][lane] = float(v[axis]);
         out.a[axis][lane] = float(a[axis]);
     }
-    out.end[lane] = float(grain.end);
-    // A chord with drag that leaves the box is always traced: what is outside it is not known to be empty.
-    const bool ask = tracer.hooks.rays || (drags && grain.at_end == ArcEnd::leaves);
+    out.end[lane] = float(grain.end - begin);
+    // With drag a chord may leave the box. What is outside is not known to be empty.
+    const bool ask =
+        tracer.hooks.rays || (drags && (is_outside(tracer, grain.x) || is_outside(tracer, grain.last.x)));
     out.least[lane] = ask ? float(infinity) : float(0.125 * std::min(grain.others, grain.end));
     out.ball[lane] = float(ball + 0x1p-20 * (x.cwiseAbs().maxCoeff() + grain.length)); // rounding of floats
-    out.clear[lane] = float(begin);
+    out.clear[lane] = 0.0F;
     return true;
 }
 
@@ -525,6 +554,8 @@ void grazes(const GrainTracer& tracer, GrainCounts& counts, Grain& grain, const 
 // At the end of an arc that hit nothing. false: the grain has ended.
 bool end_arc(const GrainTracer& tracer, GrainCounts& counts, Grain& grain) {
     GrainState end = end_of_arc(tracer, grain);
+    grain.segments += uint64_t(std::min(chords_to(grain, grain.end), 0x1p40));
+    if (grain.at_end == ArcEnd::gives_up) return ends(counts, grain, end.v, counts.given_up);
     if (grain.at_end == ArcEnd::leaves) return ends(counts, grain, end.v, counts.left[size_t(grain.side)]);
     if (grain.at_end == ArcEnd::lands) {
         end.x.y() = *tracer.settings.ground;
@@ -541,6 +572,7 @@ bool advance(GrainTracer& tracer, GrainCounts& counts, Grain& grain, const RTCRa
         ++grain.chord;
         return true;
     }
+    grain.segments += grain.chord + 1;
     const GrainHit hit = resolve_hit(tracer, ray);
     const double share = std::clamp(double(ray.ray.tfar), 0.0, 1.0);
     const Vec3d v = state_after(tracer, grain, grain.from + share * (grain.to - grain.from)).v;
@@ -584,7 +616,8 @@ class GrainBlock {
 
     void trace() {
         uint32_t used = 0; // bits of lanes
-        while (true) {
+        for (uint64_t steps = 1;; ++steps) {
+            if (steps % 1024 == 0 && tracer_.hooks.cancelled && tracer_.hooks.cancelled()) return;
             for (int lane = 0; lane < lanes && by_ray_.size() < grain_window; ++lane)
                 if ((used >> lane & 1U) == 0 && load(lane)) used |= 1U << lane;
             if (by_ray_.size() >= grain_window || used == 0) {
@@ -624,10 +657,6 @@ class GrainBlock {
     bool goes_on(int lane) {
         Grain& grain = grains_[slot_[lane]];
         while (true) {
-            if (++grain.steps > tracer_.settings.most_segments) {
-                ends(counts_, grain, grain.v, counts_.given_up);
-                break;
-            }
             if (set_parabola(tracer_, grain, lane, parabolas_)) return true;
             if (!end_arc(tracer_, counts_, grain)) break;
         }
@@ -638,9 +667,8 @@ class GrainBlock {
     // false: the lane is free.
     bool at_end_or_near(int lane) {
         Grain& grain = grains_[slot_[lane]];
-        if (const double clear = double(parabolas_.clear[lane]);
-            clear < grain.end && clear < double(parabolas_.end[lane])) {
-            find_chord(grain, clear);
+        if (parabolas_.clear[lane] < parabolas_.end[lane]) { // near something
+            find_chord(grain, start_of_chord(grain, grain.chord) + double(parabolas_.clear[lane]));
             if (set_grain_ray(tracer_, grain, rays_[by_ray_.size()])) {
                 by_ray_.push_back(slot_[lane]);
             } else {

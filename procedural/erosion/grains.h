@@ -53,7 +53,7 @@ struct GrainSettings {
     double scatter = 0.3;          // 0 to 1: deviation of rebounds from specular reflection
     double settle_speed = 0.5;     // m/s: slower grains come to rest
     uint32_t most_hits = 32;       // hits except on sand, 1 or more; then the grain is terminated
-    uint32_t most_segments = 4096; // rays and arcs; then the grain is terminated
+    uint32_t most_segments = 1 << 16; // chords of its path, traced or not; then the grain is terminated
 
     // Sand: a grain that lands there is replaced by a new grain of the stream.
     std::optional<double> ground;        // level sand everywhere at this height y
@@ -79,7 +79,7 @@ struct GrainReport {
     std::array<uint64_t, 6> left{}; // left the box, by GrainSide
     uint64_t settled = 0;           // rebounded slower than settle_speed
     uint64_t spent = 0;             // cannot reach the threshold again, even by falling
-    uint64_t given_up = 0;          // reached most_hits or most_segments
+    uint64_t given_up = 0;          // reached most_hits or most_segments, or is too far from the origin
     // Hits: on worn meshes, on other meshes, on sand. grazes: the path leaves the surface at the hit, which
     // has no effect.
     uint64_t worn_hits = 0, other_hits = 0, sand_hits = 0, grazes = 0;
@@ -96,11 +96,12 @@ struct GrainReport {
 
 struct GrainHooks {
     std::function<bool()> cancelled; // polled often, from any thread
-    // Receives every batch of rays before it is traced, from any thread: for measurements. Then rays are also traced
-    // through empty space.
+    // Receives every batch of rays before it is traced, from any thread: for measurements. Then every chord is traced.
     std::function<void(std::span<const RTCRayHit>)> rays;
 };
 
+// The scene has meshes (triangles, quads, grids), user geometries and instances of them. Embree's point queries do not
+// see curves, points and subdivision surfaces: grains would fly through them.
 // Traces settings.paths grains. wear: metres of rock a year for each vertex, concatenated over the meshes;
 // triangle_wear: the same for each triangle, or empty. Bitwise the same for any number of threads. Throws
 // std::invalid_argument for invalid settings or sizes.

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "procedural/groom/automatic_settings.h"
 
+#include "procedural/groom/groom_warnings.h"
 #include "procedural/groom/pilot.h"
 
 namespace marram {
@@ -16,7 +17,8 @@ MarramStatus find_skin_motion(GroomInstance& instance, bool& moved) {
     jiggle.step = default_jiggle_step;
     PastSkin past;
     const MarramStatus status = read_past(instance.frame, uint32_t(instance.mesh - instance.meshes.data()),
-                                          jiggle, longest_strand(instance.groom), past);
+                                          jiggle, longest_strand(instance.groom), past, 0.0,
+                                          [&](int64_t samples) { announce_long_work(instance, samples); });
     moved = past.moves();
     if (status != MARRAM_OK) return status;
     return sample_past_transforms(instance.frame, jiggle, past.window, instance.mesh_instances, moved);

@@ -362,7 +362,7 @@ MarramStatus begin(MarramInstance* opaque, const MarramFrame* frame, MarramOutpu
             const MarramStatus status = read_past(
                 instance.frame, uint32_t(instance.mesh - instance.meshes.data()), *instance.wind.jiggle,
                 longest_strand(instance.groom) * max_instance_scale(instance.mesh_instances), instance.past,
-                travel);
+                travel, [&](int64_t samples) { announce_long_work(instance, samples); });
             if (status != MARRAM_OK) return status;
             bool instances_moved = false;
             if (const MarramStatus past =
@@ -388,7 +388,7 @@ MarramStatus begin(MarramInstance* opaque, const MarramFrame* frame, MarramOutpu
         warn_of_gusts(instance.host, instance.groom.mesh_place, instance.chain);
         warn_of_rounding(instance);
         warn_of_length(instance);
-        announce_long_work(instance);
+        announce_long_work(instance, instance.past.window.count());
         blow_guides(instance);
         instance.prepare_seconds = wall_seconds() - before;
         MarramOutput output{};

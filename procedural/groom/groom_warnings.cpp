@@ -68,12 +68,12 @@ void warn_of_guides(const GroomInstance& instance, const Binding& binding) {
              "check the units and transforms of both, and bind_frame");
 }
 
-void announce_long_work(GroomInstance& instance) {
+void announce_long_work(GroomInstance& instance, int64_t past_samples) {
     LongWork work;
     work.cvs = double(instance.roots.size() * instance.mesh_instances.size()) * instance.groom.cvs;
     work.cvs_per_strand = instance.groom.cvs;
-    work.samples = instance.time_count;
-    work.past_samples = instance.past.window.count();
+    work.samples = instance.frame.time_count;
+    work.past_samples = past_samples;
     work.collides = instance.wind.collision && instance.frame.stage == MARRAM_FINAL;
     work.remedy = "ask for fewer strands or CVs, a larger tolerance, or stronger jiggle.damping";
     announce_long_work(instance.host, "groom.long_work", instance.groom.mesh_place, work,

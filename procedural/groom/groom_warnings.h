@@ -6,6 +6,8 @@
 #include "procedural/groom/groom_instance.h"
 #include "procedural/values.h"
 
+#include <cstdint>
+
 namespace marram {
 
 // Warns of invisible strands.
@@ -21,6 +23,6 @@ void warn_of_guides(const GroomInstance& instance, const Binding& binding);
 // Before a frame is computed: rounding far from the origin, lengths in the wrong unit, long computations.
 void warn_of_rounding(const GroomInstance& instance);
 void warn_of_length(const GroomInstance& instance);
-void announce_long_work(GroomInstance& instance);
+void announce_long_work(GroomInstance& instance, int64_t past_samples);
 
 } // namespace marram

@@ -325,6 +325,19 @@ MarramStatus travel_of(const ImportInstance& instance, double& travel) {
     return MARRAM_OK;
 }
 
+void announce_long_work(ImportInstance& instance, int64_t past_samples) {
+    const auto strands = double(instance.curves.count()), cvs = double(instance.curves.cv_count());
+    LongWork work;
+    work.cvs = strands > 0.0 ? cvs * std::max(lanes / strands, 1.0) : 0.0; // few strands leave lanes idle
+    work.cvs_per_strand = strands > 0.0 ? cvs / strands : 0.0;
+    work.samples = instance.frame.time_count;
+    work.past_samples = past_samples;
+    work.collides = instance.wind.collision && instance.frame.stage == MARRAM_FINAL;
+    work.remedy = "import strands of fewer CVs, ask for a larger tolerance, or stronger jiggle.damping";
+    announce_long_work(instance.host, "strands.long_work", instance.settings.curves_place, work,
+                       instance.frame.frame, instance.announced);
+}
+
 // Reads the skin's poses over the window of the jiggle.
 MarramStatus read_jiggle_past(ImportInstance& instance) {
     instance.past = {};
@@ -337,7 +350,7 @@ MarramStatus read_jiggle_past(ImportInstance& instance) {
     const double length = instance.longest + 0.5 * travel;
     if (instance.mesh)
         return read_past(frame, uint32_t(instance.mesh - instance.meshes.data()), jiggle, length,
-                         instance.past);
+                         instance.past, 0.0, [&](int64_t samples) { announce_long_work(instance, samples); });
     instance.past.window = jiggle_window(jiggle, std::span(frame.times, frame.time_count), frame.fps,
                                          2.0 * length, frame.tolerance);
     return MARRAM_OK;
@@ -418,19 +431,6 @@ bool strands_move(const ImportInstance& instance) {
            (blown && (wind_moves(instance.wind) || moving_meshes_matter(instance.wind, instance.frame)));
 }
 
-void announce_long_work(ImportInstance& instance) {
-    const auto strands = double(instance.curves.count()), cvs = double(instance.curves.cv_count());
-    LongWork work;
-    work.cvs = strands > 0.0 ? cvs * std::max(lanes / strands, 1.0) : 0.0; // few strands leave lanes idle
-    work.cvs_per_strand = strands > 0.0 ? cvs / strands : 0.0;
-    work.samples = instance.time_count;
-    work.past_samples = instance.past.window.count();
-    work.collides = instance.wind.collision && instance.frame.stage == MARRAM_FINAL;
-    work.remedy = "import strands of fewer CVs, ask for a larger tolerance, or stronger jiggle.damping";
-    announce_long_work(instance.host, "strands.long_work", instance.settings.curves_place, work,
-                       instance.frame.frame, instance.announced);
-}
-
 MarramStatus begin_import(MarramInstance* opaque, const MarramFrame* frame, MarramOutput* out) {
     if (!opaque) return MARRAM_ERROR; // no host to report to
     ImportInstance& instance = self_of(opaque);
@@ -483,7 +483,7 @@ MarramStatus begin_import(MarramInstance* opaque, const MarramFrame* frame, Marr
                                            everywhere(),
                                            &instance.trees});
         warn_of_gusts(instance.host, instance.settings.curves_place, instance.chain);
-        announce_long_work(instance);
+        announce_long_work(instance, instance.past.window.count());
         instance.prepare_seconds = wall_seconds() - before;
         const MarramCurves& lent = instance.curves.curves;
         MarramOutput output{};

@@ -45,7 +45,7 @@ double farthest(const std::vector<float>& a, const std::vector<float>& b) {
 } // namespace
 
 MarramStatus read_past(const MarramFrame& frame, uint32_t mesh, const Jiggle& jiggle, double length,
-                       PastSkin& past, double travel) {
+                       PastSkin& past, double travel, const std::function<void(int64_t)>& announce) {
     past = {};
     const std::span times(frame.times, frame.time_count);
     // The window grows with the logarithm of the skin's travel, so a rough estimate is enough.
@@ -58,6 +58,7 @@ MarramStatus read_past(const MarramFrame& frame, uint32_t mesh, const Jiggle& ji
         travel = std::max(travel, farthest(now.positions, then.positions));
     }
     past.window = jiggle_window(jiggle, times, frame.fps, 2.0 * length + travel, frame.tolerance);
+    announce(past.window.count());
     for (int64_t past_sample = past.window.first; past_sample <= past.window.last; ++past_sample) {
         if (const MarramStatus status = pose_at(frame, mesh, jiggle.frame_of(past_sample), then);
             status != MARRAM_OK)

@@ -5,6 +5,10 @@
 #include "procedural/groom/surface.h"
 #include "procedural/wind/jiggle.h"
 
+#include <cstdint>
+#include <functional>
+#include <vector>
+
 namespace marram {
 
 struct PastSkin {
@@ -28,7 +32,8 @@ struct PastSkin {
 // Gets the skin's poses from the renderer over the window that the frame's motion samples need. `length`:
 // upper bound of strand lengths, m. `travel`: of the skin's instances, by measure_travel(), m. Memory: 12
 // bytes per vertex (24 with normals) for each past sample at which the skin differs from the one before.
+// `announce` gets the number of past samples before they are read, which may take long.
 MarramStatus read_past(const MarramFrame& frame, uint32_t mesh, const Jiggle& jiggle, double length,
-                       PastSkin& past, double travel = 0.0);
+                       PastSkin& past, double travel, const std::function<void(int64_t)>& announce);
 
 } // namespace marram

@@ -24,6 +24,7 @@ enum { times = 2, strands = 2000, most_values = 128, most_numbers = 16, spare_fl
     } while (0)
 
 static char last_message[1024], last_id[64], last_place[256];
+static unsigned pose_calls, pose_calls_before_message; /* of the last message */
 static int cancel_asked;
 
 static void fail(const char* condition, int line) {
@@ -43,6 +44,7 @@ static void on_message(void* user, const MarramMessage* message) {
     (void)user;
     snprintf(last_id, sizeof last_id, "%s", message->id);
     snprintf(last_place, sizeof last_place, "%s", message->place);
+    pose_calls_before_message = pose_calls;
     snprintf(last_message, sizeof last_message, "%s: %s", message->what, message->remedy);
 }
 
@@ -68,6 +70,7 @@ static const uint32_t corner_triangles[6] = {0, 1, 2, 0, 2, 3};
 
 /* The square at a frame: it moves along x and up. */
 static MarramStatus pose(void* user, uint32_t mesh, double frame, float* positions, float* normals) {
+    ++pose_calls;
     (void)user;
     (void)normals; /* it has none */
     if (mesh != 0) return MARRAM_ERROR;
@@ -533,6 +536,28 @@ static void check_announcement(const MarramProcedural* type, const MarramFrame* 
     type->destroy(instance);
 }
 
+/* A long past is announced before its poses are read. */
+static void check_announcement_of_past(const MarramProcedural* type, const MarramFrame* frame) {
+    static Values values;
+    Given given[good_count + 2];
+    memcpy(given, good, sizeof good);
+    given[1].text = "20000";
+    given[good_count].name = "wind.jiggle.frequency";
+    given[good_count].text = "2";
+    given[good_count + 1].name = "wind.jiggle.damping";
+    given[good_count + 1].text = "0.01";
+    make_values(type, given, good_count + 2, &values);
+    MarramInstance* instance = NULL;
+    MarramOutput output = {sizeof(MarramOutput)};
+    CHECK(type->create(&host, lend(&values), &instance) == MARRAM_OK);
+    forget_messages();
+    pose_calls = 0;
+    CHECK(type->begin(instance, frame, &output) == MARRAM_OK);
+    CHECK(last_message_is("groom.long_work"));
+    CHECK(pose_calls > 1000 && pose_calls_before_message < 20);
+    type->destroy(instance);
+}
+
 /* Cancels before roots are placed, and between two patches. */
 static void check_cancel(const MarramProcedural* type, Values* values, const MarramFrame* frame) {
     MarramInstance* instance = NULL;
@@ -725,6 +750,7 @@ static void run(const MarramProcedural* type, RTCDevice device, RTCGeometry squa
     check_bad_values(type);
     check_bad_frames(type, &values, frame);
     check_announcement(type, frame);
+    check_announcement_of_past(type, frame);
 }
 
 int main(int argc, char** argv) {

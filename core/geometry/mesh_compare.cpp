@@ -70,10 +70,11 @@ MeshDistance mesh_distance(const World& world, uint32_t mesh, const MeshGeometry
         const Vec3f n = (points[t[1]] - points[t[0]]).cross(points[t[2]] - points[t[0]]);
         for (const uint32_t v : t) normals[v] += n, box.extend(points[v]);
     }
-    const size_t step = std::max(points.size() / enough, size_t(1));
+    const size_t step = std::max((points.size() + enough - 1) / enough, size_t(1));
+    const float reach = 0.05F * box.sizes().maxCoeff();
     for (size_t v = 0; v < points.size(); v += step)
         if (const float size = normals[v].norm(); size > 0.0F)
-            sum.add(scene.distance_along(points[v], normals[v] / size, 0.05F * box.sizes().maxCoeff()));
+            sum.add(scene.distance_along(points[v], normals[v] / size, reach));
     return sum;
 }
 

@@ -1,15 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-// Occupied cells are found from the root of an octree down: Embree's point query calls back for every primitive in a
-// leaf whose bounds touch a sphere; a block of cells is empty if none is called for the sphere around it. So no
-// primitive is read. Embree does not call back for curves, points and subdivision surfaces.
+// Occupied cells are found from blocks of an octree down: Embree's point query calls back for every primitive in a
+// leaf whose bounds touch a sphere; a block of cells is empty if none is called for its circumscribed
+// sphere. Only leaf entries are read, no vertices. Embree does not call back for curves, points and subdivision
+// surfaces.
 //
-// Distances: between two cells that are i, j and k cells apart there are max(|i| - 1, 0), ... empty ones, so that
-// points in them are at least the root of the sum of their squares apart. The least of these squares over the occupied
+// Distances: between two cells whose indices differ by i, j and k lie max(|i| - 1, 0), ... cells, so that points in
+// them are at least the root of the sum of these squares apart, in cells. The least of these squares over the occupied
 // cells is separable (T. Saito and J. Toriwaki, "New algorithms for Euclidean distance transformation", Pattern
 // Recognition 1994): first along x, then along y, then along z.
 //
-// Rounding. Embree works in floats: the spheres are wider by 2^-20 of the largest coordinate, which also covers the
-// error of rays whose chords are asked for.
+// Rounding. Embree works in floats: the spheres are wider by 2^-20 of the largest coordinate and the longest edge.
 #include "procedural/erosion/empty_space.h"
 
 #include "procedural/parallel.h"
@@ -23,7 +23,7 @@ namespace {
 constexpr int max_cells = 128;
 constexpr double codes_per_cell = 4.0;
 constexpr int largest_code = 255;
-constexpr int nothing = 1 << 14; // cells; its square and twice that fit into an int
+constexpr int unreached = 1 << 14; // cells; its square and twice that fit into an int
 
 bool on_primitive(RTCPointQueryFunctionArguments* arguments) {
     *static_cast<bool*>(arguments->userPtr) = true;
@@ -67,8 +67,8 @@ struct CellGrid {
     }
 };
 
-// Replaces the squares along a line of `count` numbers by their least with the squares of the gaps to them.
-void add_gaps(int* line, size_t stride, int count, std::vector<int>& copy) {
+// One pass of the distance transform: line[i] = min over j of line[j] + max(|i - j| - 1, 0)^2.
+void transform_line(int* line, size_t stride, int count, std::vector<int>& copy) {
     copy.resize(size_t(count));
     for (int i = 0; i < count; ++i) copy[size_t(i)] = line[size_t(i) * stride];
     for (int i = 0; i < count; ++i) {
@@ -96,7 +96,7 @@ MARRAM_INLINE VFloat smaller(VFloat a, VFloat b) { return a < b ? a : b; }
 MARRAM_INLINE VFloat greater(VFloat a, VFloat b) { return a > b ? a : b; }
 
 MARRAM_HOT void find_cells(const GridScale& grid, const Parabolas8& p, Cells8& cells) {
-    const VFloat t = p.clear, half = splat_float(0.5F) * t * t;
+    const VFloat t = p.t_clear, half = splat_float(0.5F) * t * t;
     cells.outside = VFloat{};
     for (int axis = 0; axis < 3; ++axis) {
         const VFloat x = p.x[axis] + t * p.v[axis] + half * p.a[axis];
@@ -109,19 +109,19 @@ MARRAM_HOT void find_cells(const GridScale& grid, const Parabolas8& p, Cells8& c
 
 // Within the ball of radius `free` a parabola stays at least for 2 free / (v + sqrt(v^2 + 2 a free)).
 MARRAM_HOT void take_steps(const VFloat& distance, const VFloat& outside, Parabolas8& p, VInt& done) {
-    const VFloat free = greater(vsqrt(distance * distance + outside) - p.ball, VFloat{});
+    const VFloat free = greater(vsqrt(distance * distance + outside) - p.clearance, VFloat{});
     VFloat squared{}, squared_a{};
     for (int axis = 0; axis < 3; ++axis) {
-        const VFloat v = p.v[axis] + p.clear * p.a[axis];
+        const VFloat v = p.v[axis] + p.t_clear * p.a[axis];
         squared = squared + v * v;
         squared_a = squared_a + p.a[axis] * p.a[axis];
     }
     const VFloat a = vsqrt(squared_a);
     const VFloat sum = vsqrt(squared) + vsqrt(squared + 2.0F * a * free);
-    const VFloat time = sum > VFloat{} ? 2.0F * free / sum : (free > VFloat{} ? p.end : VFloat{});
-    const VInt near = ~(time > greater(p.least, p.clear * 0x1p-20F)); // else `clear` might not change
-    p.clear = near ? p.clear : p.clear + time;
-    done = near | (p.clear >= p.end);
+    const VFloat time = sum > VFloat{} ? 2.0F * free / sum : (free > VFloat{} ? p.t_max : VFloat{});
+    const VInt near = ~(time > greater(p.min_step, p.t_clear * 0x1p-20F)); // else `clear` might not change
+    p.t_clear = near ? p.t_clear : p.t_clear + time;
+    done = near | (p.t_clear >= p.t_max);
 }
 
 } // namespace
@@ -170,17 +170,18 @@ EmptySpace::EmptySpace(RTCScene scene, const Eigen::AlignedBox3d& box, int cells
     marram::parallel_for(0, 64,
                          [&](int k) { grid.mark(edge * Eigen::Vector3i(k & 3, k >> 2 & 3, k >> 4), edge); });
     std::vector<int> squares(grid.occupied.size());
-    for (size_t i = 0; i < squares.size(); ++i) squares[i] = grid.occupied[i] != 0 ? 0 : nothing * nothing;
+    for (size_t i = 0; i < squares.size(); ++i)
+        squares[i] = grid.occupied[i] != 0 ? 0 : unreached * unreached;
     marram::parallel_for(size_t(0), layers, [&](size_t z) {
         std::vector<int> copy;
         int* const layer = squares.data() + z * rows * columns;
-        for (size_t y = 0; y < rows; ++y) add_gaps(layer + y * columns, 1, count.x(), copy);
-        for (size_t x = 0; x < columns; ++x) add_gaps(layer + x, columns, count.y(), copy);
+        for (size_t y = 0; y < rows; ++y) transform_line(layer + y * columns, 1, count.x(), copy);
+        for (size_t x = 0; x < columns; ++x) transform_line(layer + x, columns, count.y(), copy);
     });
     marram::parallel_for(size_t(0), rows, [&](size_t y) {
         std::vector<int> copy;
         for (size_t x = 0; x < columns; ++x)
-            add_gaps(squares.data() + y * columns + x, rows * columns, count.z(), copy);
+            transform_line(squares.data() + y * columns + x, rows * columns, count.z(), copy);
     });
     codes_.resize(squares.size());
     for (size_t i = 0; i < squares.size(); ++i)

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// How far a point is from everything in an Embree scene: a lower bound, from a coarse grid. What flies through empty
-// space needs no rays there.
+// How far a point is from the meshes, user geometries and instances in an Embree scene: a lower bound, from a coarse
+// grid. What flies through empty space needs no rays there.
 #pragma once
 
 #include "core/math/simd.h"
@@ -15,24 +15,25 @@ namespace marram {
 // Eight parabolas x + v t + a t^2 / 2 in metres and seconds. x is relative to EmptySpace::low().
 struct alignas(64) Parabolas8 {
     VFloat x[3], v[3], a[3];
-    VFloat end;   // s
-    VFloat least; // s: shorter steps are not taken
-    VFloat ball;  // m: how far around its points a parabola must be clear
-    VFloat clear; // s: it is clear up to here
+    VFloat t_max;     // s
+    VFloat min_step;  // s: shorter steps are not taken
+    VFloat clearance; // m: how far around its points space must be empty; includes the rounding of x, v and a
+    VFloat t_clear;   // s: space is empty up to here
 };
 
 class EmptySpace {
   public:
     EmptySpace() = default; // nothing is known to be empty
 
-    // What lies outside `box` is left out, and so are curves, points and subdivision surfaces. `cells`: along its longest edge, 1 to 128. 64 take 27 ms on two cores, and
-    // 256 kB.
+    // What lies outside `box` may be missed, and so are curves, points and subdivision surfaces. `cells`: along its
+    // longest edge, 1 to 128. 64 take 27 ms on two cores, and 256 kB.
     EmptySpace(RTCScene scene, const Eigen::AlignedBox3d& box, int cells);
 
     const Vec3d& low() const { return low_; }
-    // Moves `clear` on by one step in each of eight parabolas: as far as they stay in a ball that is empty at the first
-    // motion sample. For what is in the box its radius is never too large; up to 60 cells it is too small by at most 4.1 cells and the extent
-    // of a leaf of Embree's BVH. Returns bits of the parabolas that are done: at their end, or near something.
+    // Moves `t_clear` on by one step in each of eight parabolas: as far as they stay in a ball that is empty at the
+    // first motion sample. Its radius is a lower bound; for points inside the grid and up to 60 cells it is too small
+    // by at most 4.1 cells and the extent of a leaf of Embree's BVH. Returns bits of the parabolas that are done: at
+    // their end, or near something.
     uint32_t step(Parabolas8& parabolas) const;
 
   private:

@@ -120,17 +120,17 @@ struct GrainState {
 
 enum class ArcEnd { lands, leaves, goes_on, gives_up };
 
-// A grain on an arc: from its last event to the next if it hits nothing.
+// A grain on an arc, which runs from one event to the next if nothing is hit.
 struct Grain {
-    Vec3d x, v, acceleration;         // at the start of the arc
-    double first = 0.0, others = 0.0; // duration of the first chord and of the others, s
-    double end = 0.0;                 // of the arc, s after its start
-    double length = 0.0;              // of the arc, m, at most
-    GrainState last;                  // at the end of an arc with drag
+    Vec3d x, v, acceleration;                        // at the start of the arc
+    double first_chord_time = 0.0, chord_time = 0.0; // duration of the first chord and of the others, s
+    double end = 0.0;                                // of the arc, s after its start
+    double length = 0.0;                             // of the arc, m, at most
+    GrainState end_state;                            // of an arc with drag
     ArcEnd at_end = ArcEnd::goes_on;
-    GrainSide side = GrainSide::downwind; // by which it leaves
-    uint32_t chord = 0;                   // the next one, and
-    double from = 0.0, to = 0.0;          // its ends while a ray traces it, s
+    GrainSide side = GrainSide::downwind;  // by which it leaves
+    uint32_t chord = 0;                    // the next one, and
+    double chord_t0 = 0.0, chord_t1 = 0.0; // its ends while a ray traces it, s
     uint64_t path = 0;
     int64_t energy = 0; // quanta after the last event
     uint32_t hits = 0, landings = 0;
@@ -148,7 +148,7 @@ EventSeeds event_seeds(uint32_t seed, uint32_t event) {
     return {uint32_t(key), {uint32_t(hash(key, 1)), uint32_t(hash(key, 2))}};
 }
 
-// Two random numbers for event k of a path: the first two dimensions, in a different order for each event.
+// Two random numbers for event k of a path: Sobol dimensions 0 and 1 at an index that is Owen-shuffled for each event.
 std::array<double, 2> event_numbers(const GrainTracer& tracer, uint64_t path, uint32_t event) {
     const EventSeeds seeds = event < tracer.event_seeds.size() ? tracer.event_seeds[event]
                                                                : event_seeds(tracer.settings.seed, event);
@@ -219,11 +219,11 @@ GrainState state_after(const GrainTracer& tracer, const Grain& grain, double t) 
 
 GrainState end_of_arc(const GrainTracer& tracer, const Grain& grain) {
     return tracer.settings.drag_time > 0.0 && grain.at_end != ArcEnd::gives_up
-               ? grain.last
+               ? grain.end_state
                : state_after(tracer, grain, grain.end);
 }
 
-// The time at which q + v t + a t^2 / 2 falls to `low`, a <= 0. From below it, it is the time until q again.
+// The time at which q + v t + a t^2 / 2 falls to `low`, a <= 0. For q < low: the time of return to q, 0 if v <= 0.
 double time_to_fall(double q, double v, double a, double low) {
     const double drop = std::max(q - low, 0.0), root = std::sqrt(v * v - 2.0 * a * drop);
     if (v > 0.0) return a < 0.0 ? (v + root) / -a : infinity;
@@ -231,14 +231,14 @@ double time_to_fall(double q, double v, double a, double low) {
     return drop > 0.0 ? infinity : 0.0;
 }
 
-// Time until something that moves evenly leaves an interval.
+// Time until a point with constant velocity leaves an interval.
 double time_to_leave(double q, double v, double low, double high) {
     if (v > 0.0) return std::max(high - q, 0.0) / v;
     return v < 0.0 ? std::max(q - low, 0.0) / -v : infinity;
 }
 
 // Without drag an arc is a parabola that ends on level sand or at a side of the box.
-void end_arc_exactly(const GrainTracer& tracer, Grain& grain) {
+void find_arc_end(const GrainTracer& tracer, Grain& grain) {
     const GrainBox& box = tracer.box;
     const double s = grain.x.dot(box.along), t = grain.x.dot(box.across), y = grain.x.y();
     const double vs = grain.v.dot(box.along), vt = grain.v.dot(box.across), vy = grain.v.y(),
@@ -253,27 +253,27 @@ void end_arc_exactly(const GrainTracer& tracer, Grain& grain) {
                 vt > 0.0 ? GrainSide::right : GrainSide::left);
     if (ay == 0.0 && vy > 0.0)
         ends_before(time_to_leave(y, vy, box.y0, box.y1), ArcEnd::leaves, GrainSide::above);
-    if (tracer.settings.ground) // above box.y0
+    if (tracer.settings.ground) // ground > box.y0
         ends_before(time_to_fall(y, vy, ay, *tracer.settings.ground), ArcEnd::lands, GrainSide::below);
     else
         ends_before(time_to_fall(y, vy, ay, box.y0), ArcEnd::leaves, GrainSide::below);
 }
 
-// With drag an arc is one chord: the air moves at another speed at its end.
-void end_arc_after_chord(const GrainTracer& tracer, Grain& grain) {
+// With drag the speed of the air is held constant over one chord, so each chord is an arc.
+void find_arc_end_with_drag(const GrainTracer& tracer, Grain& grain) {
     const GrainBox& box = tracer.box;
-    grain.end = grain.first;
-    grain.last = state_after(tracer, grain, grain.end);
-    const Vec3d& at = grain.last.x;
+    grain.end = grain.first_chord_time;
+    grain.end_state = state_after(tracer, grain, grain.end);
+    const Vec3d& at = grain.end_state.x;
     if (const auto& ground = tracer.settings.ground; ground && at.y() < *ground) {
         grain.at_end = ArcEnd::lands;
         grain.end *= std::clamp((grain.x.y() - *ground) / (grain.x.y() - at.y()), 0.0, 1.0);
-        grain.last = state_after(tracer, grain, grain.end);
-        // Newton's iteration from where the chord lands: a grain must not stop above what lies on the sand.
-        for (int k = 0; k < 4 && grain.last.v.y() < 0.0; ++k) {
-            grain.end =
-                std::clamp(grain.end + (grain.last.x.y() - *ground) / -grain.last.v.y(), 0.0, grain.first);
-            grain.last = state_after(tracer, grain, grain.end);
+        grain.end_state = state_after(tracer, grain, grain.end);
+        // Newton's iteration: where the chord meets the sand the curve is still above it, and above what lies on it.
+        for (int k = 0; k < 4 && grain.end_state.v.y() < 0.0; ++k) {
+            grain.end = std::clamp(grain.end + (grain.end_state.x.y() - *ground) / -grain.end_state.v.y(),
+                                   0.0, grain.first_chord_time);
+            grain.end_state = state_after(tracer, grain, grain.end);
         }
         return;
     }
@@ -282,7 +282,8 @@ void end_arc_after_chord(const GrainTracer& tracer, Grain& grain) {
     const auto leaves_if = [&](bool beyond, GrainSide side) {
         if (beyond) grain.at_end = ArcEnd::leaves, grain.side = side;
     };
-    leaves_if(tracer.settings.gravity <= 0.0 && at.y() > box.y1 && grain.last.v.y() >= 0.0, GrainSide::above);
+    leaves_if(tracer.settings.gravity <= 0.0 && at.y() > box.y1 && grain.end_state.v.y() >= 0.0,
+              GrainSide::above);
     leaves_if(at.y() < box.y0, GrainSide::below);
     leaves_if(t > box.t1 + edge, GrainSide::right);
     leaves_if(t < box.t0 - edge, GrainSide::left);
@@ -291,12 +292,13 @@ void end_arc_after_chord(const GrainTracer& tracer, Grain& grain) {
 }
 
 double start_of_chord(const Grain& grain, uint32_t chord) {
-    return chord == 0 ? 0.0 : grain.first + (chord - 1) * grain.others;
+    return chord == 0 ? 0.0 : grain.first_chord_time + (chord - 1) * grain.chord_time;
 }
 
 // The number of chords up to a time.
 double chords_to(const Grain& grain, double time) {
-    return time > grain.first ? 1.0 + std::ceil((time - grain.first) / grain.others) : 1.0;
+    return time > grain.first_chord_time ? 1.0 + std::ceil((time - grain.first_chord_time) / grain.chord_time)
+                                         : 1.0;
 }
 
 // Starts an arc at grain.x with grain.v. normal: of the surface that the grain leaves, or zero.
@@ -308,17 +310,18 @@ void start_arc(const GrainTracer& tracer, Grain& grain, const Vec3d& normal) {
         grain.acceleration += (stream_speed(s, h) * tracer.box.along - grain.v) / s.drag_time;
     }
     const double a = s.drag_time > 0.0 ? grain.acceleration.norm() : s.gravity, v = grain.v.norm();
-    grain.others = a > 0.0 ? std::sqrt(8.0 * tracer.sag / a) : longest_arc;
-    if (v > 0.0) grain.others = std::min(grain.others, 1.01 * tracer.box.size / v);
-    grain.first = grain.others;
+    grain.chord_time = a > 0.0 ? std::sqrt(8.0 * tracer.sag / a) : longest_arc;
+    if (v > 0.0) grain.chord_time = std::min(grain.chord_time, 1.01 * tracer.box.size / v);
+    grain.first_chord_time = grain.chord_time;
     const double falls = -grain.acceleration.dot(normal);
-    if (falls > 0.0) grain.first = std::min(grain.first, std::max(grain.v.dot(normal), 0.0) / falls);
-    grain.chord = grain.first > 0.0 ? 0 : 1;
+    if (falls > 0.0)
+        grain.first_chord_time = std::min(grain.first_chord_time, std::max(grain.v.dot(normal), 0.0) / falls);
+    grain.chord = grain.first_chord_time > 0.0 ? 0 : 1;
     grain.end = longest_arc, grain.at_end = ArcEnd::goes_on;
     if (s.drag_time > 0.0)
-        end_arc_after_chord(tracer, grain);
+        find_arc_end_with_drag(tracer, grain);
     else
-        end_arc_exactly(tracer, grain);
+        find_arc_end(tracer, grain);
     const double left = double(s.most_segments) - double(grain.segments);
     if (chords_to(grain, grain.end) > left) {
         grain.end = left > 0.0 ? start_of_chord(grain, uint32_t(left)) : 0.0;
@@ -327,18 +330,18 @@ void start_arc(const GrainTracer& tracer, Grain& grain, const Vec3d& normal) {
     grain.length = (v + 0.5 * a * grain.end) * grain.end;
 }
 
-// Makes the next chord that may hit something the grain's next one. clear: nothing is hit before, s; less than
-// grain.end.
+// Advances grain.chord to the chord that contains the time `clear`, before which nothing is hit; less than grain.end.
 void find_chord(Grain& grain, double clear) {
-    if (grain.first <= clear) {
-        const double others = std::min((clear - grain.first) / grain.others, double(1U << 30));
-        grain.chord = std::max(grain.chord, 1 + uint32_t(others));
+    if (grain.first_chord_time <= clear) {
+        const double skipped =
+            std::min((clear - grain.first_chord_time) / grain.chord_time, double(1U << 30));
+        grain.chord = std::max(grain.chord, 1 + uint32_t(skipped));
     }
-    grain.from = start_of_chord(grain, grain.chord);
-    grain.to = std::min(start_of_chord(grain, grain.chord + 1), grain.end);
+    grain.chord_t0 = start_of_chord(grain, grain.chord);
+    grain.chord_t1 = std::min(start_of_chord(grain, grain.chord + 1), grain.end);
 }
 
-bool is_outside(const GrainTracer& tracer, const Vec3d& p) {
+bool is_outside_horizontally(const GrainTracer& tracer, const Vec3d& p) {
     const GrainBox& box = tracer.box;
     const double s = p.dot(box.along), t = p.dot(box.across);
     return !(s >= box.start && s <= box.s1 && t >= box.t0 && t <= box.t1);
@@ -352,7 +355,7 @@ bool set_parabola(const GrainTracer& tracer, const Grain& grain, int lane, Parab
     const GrainState from = state_after(tracer, grain, begin);
     const bool drags = tracer.settings.drag_time > 0.0; // then the only chord, which is straight
     const Vec3d x = from.x - tracer.empty.low(),
-                v = drags ? Vec3d((grain.last.x - grain.x) / grain.end) : from.v;
+                v = drags ? Vec3d((grain.end_state.x - grain.x) / grain.end) : from.v;
     const Vec3d a = drags ? Vec3d::Zero() : grain.acceleration;
     const double ball = drags ? 0.0 : tracer.sag;
     for (int axis = 0; axis < 3; ++axis) {
@@ -360,21 +363,24 @@ bool set_parabola(const GrainTracer& tracer, const Grain& grain, int lane, Parab
         out.v[axis][lane] = float(v[axis]);
         out.a[axis][lane] = float(a[axis]);
     }
-    out.end[lane] = float(grain.end - begin);
+    out.t_max[lane] = float(grain.end - begin);
     // With drag a chord may leave the box. What is outside is not known to be empty.
-    const bool ask =
-        tracer.hooks.rays || (drags && (is_outside(tracer, grain.x) || is_outside(tracer, grain.last.x)));
-    out.least[lane] = ask ? float(infinity) : float(0.125 * std::min(grain.others, grain.end));
-    out.ball[lane] = float(ball + 0x1p-20 * (x.cwiseAbs().maxCoeff() + grain.length)); // rounding of floats
-    out.clear[lane] = 0.0F;
+    const bool needs_ray =
+        tracer.hooks.rays || (drags && (is_outside_horizontally(tracer, grain.x) ||
+                                        is_outside_horizontally(tracer, grain.end_state.x)));
+    out.min_step[lane] = needs_ray ? float(infinity) : float(0.125 * std::min(grain.chord_time, grain.end));
+    out.clearance[lane] =
+        float(ball + 0x1p-20 * (x.cwiseAbs().maxCoeff() + grain.length)); // rounding of floats
+    out.t_clear[lane] = 0.0F;
     return true;
 }
 
 // Sets up a float ray along the chord. false: too far from the origin, or the chord is too long.
 bool set_grain_ray(const GrainTracer& tracer, const Grain& grain, RTCRayHit& out) {
-    const Vec3d from = state_after(tracer, grain, grain.from).x;
+    const Vec3d from = state_after(tracer, grain, grain.chord_t0).x;
     const Vec3d to =
-        (grain.to < grain.end ? state_after(tracer, grain, grain.to) : end_of_arc(tracer, grain)).x;
+        (grain.chord_t1 < grain.end ? state_after(tracer, grain, grain.chord_t1) : end_of_arc(tracer, grain))
+            .x;
     const Vec3d way = to - from;
     const double length = way.norm(), c = from.cwiseAbs().maxCoeff();
     if (!(length < max_grain_coordinate) || !(c < max_grain_coordinate)) return false;
@@ -575,7 +581,7 @@ bool advance(GrainTracer& tracer, GrainCounts& counts, Grain& grain, const RTCRa
     grain.segments += grain.chord + 1;
     const GrainHit hit = resolve_hit(tracer, ray);
     const double share = std::clamp(double(ray.ray.tfar), 0.0, 1.0);
-    const Vec3d v = state_after(tracer, grain, grain.from + share * (grain.to - grain.from)).v;
+    const Vec3d v = state_after(tracer, grain, grain.chord_t0 + share * (grain.chord_t1 - grain.chord_t0)).v;
     if (std::binary_search(tracer.sand.begin(), tracer.sand.end(), ray.hit.geomID))
         return lands(tracer, counts, grain, hit.point + hit.offset * hit.normal, v, hit.normal);
     if (v.dot(hit.normal) < 0.0) return hit_rock(tracer, counts, grain, hit, ray, v);
@@ -605,10 +611,10 @@ void prefetch_hits(const GrainTracer& tracer, std::span<const RTCRayHit> rays) {
             }
 }
 
-// Grains whose arcs are checked for empty space, eight at a time, and those that need rays, many at a time.
-class GrainBlock {
+// Checks arcs for empty space in eight lanes, queues those that need rays, and traces these in batches.
+class GrainWavefront {
   public:
-    GrainBlock(GrainTracer& tracer, uint64_t first, uint64_t end, GrainCounts& counts)
+    GrainWavefront(GrainTracer& tracer, uint64_t first, uint64_t end, GrainCounts& counts)
         : tracer_(tracer), counts_(counts), paths_(ordered_paths(tracer, first, end)),
           grains_(grain_window + lanes), rays_(grains_.size()) {
         for (uint32_t slot = 0; slot < grains_.size(); ++slot) free_.push_back(slot);
@@ -618,17 +624,17 @@ class GrainBlock {
         uint32_t used = 0; // bits of lanes
         for (uint64_t steps = 1;; ++steps) {
             if (steps % 1024 == 0 && tracer_.hooks.cancelled && tracer_.hooks.cancelled()) return;
-            for (int lane = 0; lane < lanes && by_ray_.size() < grain_window; ++lane)
+            for (int lane = 0; lane < lanes && ray_queue_.size() < grain_window; ++lane)
                 if ((used >> lane & 1U) == 0 && load(lane)) used |= 1U << lane;
-            if (by_ray_.size() >= grain_window || used == 0) {
-                if (by_ray_.empty()) return;
+            if (ray_queue_.size() >= grain_window || used == 0) {
+                if (ray_queue_.empty()) return;
                 trace_rays();
                 if (tracer_.hooks.cancelled && tracer_.hooks.cancelled()) return;
                 continue;
             }
             for (uint32_t done = tracer_.empty.step(parabolas_) & used; done != 0; done &= done - 1) {
                 const int lane = std::countr_zero(done);
-                if (!at_end_or_near(lane)) used &= ~(1U << lane);
+                if (!retire_lane(lane)) used &= ~(1U << lane);
             }
         }
     }
@@ -637,9 +643,9 @@ class GrainBlock {
     // The next grain into a lane. false: there is none at present.
     bool load(int lane) {
         while (true) {
-            if (!waiting_.empty()) {
-                slot_[lane] = waiting_.back();
-                waiting_.pop_back();
+            if (!ready_.empty()) {
+                slot_[lane] = ready_.back();
+                ready_.pop_back();
             } else if (next_ < paths_.size()) {
                 slot_[lane] = free_.back();
                 free_.pop_back();
@@ -649,12 +655,12 @@ class GrainBlock {
             } else {
                 return false;
             }
-            if (goes_on(lane)) return true;
+            if (refill_lane(lane)) return true;
         }
     }
 
     // Sets up a lane for the rest of its grain's arc, or the next arc. false: the grain has ended.
-    bool goes_on(int lane) {
+    bool refill_lane(int lane) {
         Grain& grain = grains_[slot_[lane]];
         while (true) {
             if (set_parabola(tracer_, grain, lane, parabolas_)) return true;
@@ -665,33 +671,33 @@ class GrainBlock {
     }
 
     // false: the lane is free.
-    bool at_end_or_near(int lane) {
+    bool retire_lane(int lane) {
         Grain& grain = grains_[slot_[lane]];
-        if (parabolas_.clear[lane] < parabolas_.end[lane]) { // near something
-            find_chord(grain, start_of_chord(grain, grain.chord) + double(parabolas_.clear[lane]));
-            if (set_grain_ray(tracer_, grain, rays_[by_ray_.size()])) {
-                by_ray_.push_back(slot_[lane]);
+        if (parabolas_.t_clear[lane] < parabolas_.t_max[lane]) { // near something
+            find_chord(grain, start_of_chord(grain, grain.chord) + double(parabolas_.t_clear[lane]));
+            if (set_grain_ray(tracer_, grain, rays_[ray_queue_.size()])) {
+                ray_queue_.push_back(slot_[lane]);
             } else {
                 ends(counts_, grain, grain.v, counts_.given_up);
                 free_.push_back(slot_[lane]);
             }
             return false;
         }
-        if (end_arc(tracer_, counts_, grain)) return goes_on(lane);
+        if (end_arc(tracer_, counts_, grain)) return refill_lane(lane);
         free_.push_back(slot_[lane]);
         return false;
     }
 
     void trace_rays() {
-        const std::span<RTCRayHit> batch = std::span(rays_).first(by_ray_.size());
+        const std::span<RTCRayHit> batch = std::span(rays_).first(ray_queue_.size());
         if (tracer_.hooks.rays) tracer_.hooks.rays(batch);
         marram_intersect_many(tracer_.scene, batch.data(), unsigned(batch.size()));
         counts_.rays += batch.size();
         prefetch_hits(tracer_, batch);
         for (size_t k = 0; k < batch.size(); ++k)
-            (advance(tracer_, counts_, grains_[by_ray_[k]], batch[k]) ? waiting_ : free_)
-                .push_back(by_ray_[k]);
-        by_ray_.clear();
+            (advance(tracer_, counts_, grains_[ray_queue_[k]], batch[k]) ? ready_ : free_)
+                .push_back(ray_queue_[k]);
+        ray_queue_.clear();
     }
 
     GrainTracer& tracer_;
@@ -700,7 +706,7 @@ class GrainBlock {
     size_t next_ = 0; // of them
     std::vector<Grain> grains_;
     std::vector<RTCRayHit> rays_;
-    std::vector<uint32_t> free_, waiting_, by_ray_; // slots
+    std::vector<uint32_t> free_, ready_, ray_queue_; // slots
     std::array<uint32_t, lanes> slot_{};
     Parabolas8 parabolas_{};
 };
@@ -759,7 +765,7 @@ GrainReport trace_grains(RTCScene scene, std::span<const WornMesh> meshes, const
     const auto stopped = [&] { return hooks.cancelled && hooks.cancelled(); };
     marram::parallel_for(uint64_t(0), blocks, [&](uint64_t k) {
         if (!stopped())
-            GrainBlock(tracer, k * block, std::min((k + 1) * block, settings.paths), counts[k]).trace();
+            GrainWavefront(tracer, k * block, std::min((k + 1) * block, settings.paths), counts[k]).trace();
     });
     for (const GrainCounts& c : counts) add_counts(report, c);
     report.grains = settings.paths;

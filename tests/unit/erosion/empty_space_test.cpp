@@ -20,9 +20,9 @@ double empty_radius(const EmptySpace& empty, const Vec3d& p) {
     Parabolas8 paths{};
     for (int axis = 0; axis < 3; ++axis) paths.x[axis][3] = float(p[axis] - empty.low()[axis]);
     paths.v[1][3] = 1.0F;
-    paths.end[3] = 1e6F;
+    paths.t_max[3] = 1e6F;
     empty.step(paths);
-    return double(paths.clear[3]);
+    return double(paths.t_clear[3]);
 }
 
 Vec3d point_in(const Eigen::AlignedBox3d& box, uint64_t k) {
@@ -66,10 +66,10 @@ TEST(EmptySpace, AStepStaysInsideTheBall) {
         Parabolas8 paths{};
         for (int axis = 0; axis < 3; ++axis)
             paths.x[axis][0] = float(p[axis] - empty.low()[axis]), paths.v[axis][0] = float(v[axis]);
-        paths.a[1][0] = float(a), paths.end[0] = 10.0F;
+        paths.a[1][0] = float(a), paths.t_max[0] = 10.0F;
         const double radius = empty_radius(empty, p);
         empty.step(paths);
-        const auto t = double(paths.clear[0]);
+        const auto t = double(paths.t_clear[0]);
         const Vec3d way = t * v + 0.5 * a * t * t * Vec3d::UnitY();
         EXPECT_LE(way.norm(), radius * (1.0 + 1e-5) + 1e-6);
     }

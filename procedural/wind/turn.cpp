@@ -353,11 +353,16 @@ void each_near(const SearchRegion& region, const std::vector<NearCluster>& clust
 } // namespace
 
 bool region_is_clear(const Colliders& colliders, const SearchRegion& region, TurnScratch& scratch) {
-    if (!colliders.tree->find(colliders.lent, region, max_clusters, scratch.clusters)) return false;
-    bool clear = true;
-    each_near(region, scratch.clusters, region.points()[0],
-              [&](const Triangles8&, int) { return clear = false; });
-    return clear;
+    // On a fine skin many clusters are near if any is: the first few usually decide.
+    constexpr size_t few_clusters = 8;
+    for (const size_t most : {few_clusters, max_clusters}) {
+        const bool all = colliders.tree->find(colliders.lent, region, most, scratch.clusters);
+        bool clear = true;
+        each_near(region, scratch.clusters, region.points()[0],
+                  [&](const Triangles8&, int) { return clear = false; });
+        if (!clear || all) return clear;
+    }
+    return false;
 }
 
 bool triangles_near(const Colliders& colliders, const SearchRegion& region, const Vec3d& origin, size_t most,

@@ -24,7 +24,6 @@ struct Fault {
     explicit operator bool() const { return !what.empty(); }
 };
 
-constexpr size_t key_numbers = 10; // frame, translate, rotate, scale
 constexpr size_t longest_quote = 60;
 
 // Quotes a host's text on one line: control characters become '?', long texts are cut.
@@ -61,73 +60,45 @@ std::string declared_name(std::string_view name, std::vector<ListElement>& eleme
     return declared + std::string(name.substr(begin));
 }
 
-bool has_choice(std::string_view choices, std::string_view text) {
-    while (!choices.empty()) {
-        const size_t end = std::min(choices.find('|'), choices.size());
-        if (choices.substr(0, end) == text) return true;
-        choices.remove_prefix(std::min(end + 1, choices.size()));
+std::string wanted(const MarramParam& param, const MarramTypeForm& form) {
+    if (form.ranged == 0) return fmt::format("give {}", form.written);
+    return fmt::format("give {} from {:g} to {:g}{}{}", form.written, param.minimum, param.maximum,
+                       *param.unit ? " " : "", param.unit);
+}
+
+// The fault of numbers and text.
+Fault content_fault(const MarramParam& param, const MarramTypeForm& form, const MarramValue& value) {
+    size_t index = 0;
+    switch (marram_value_fault(&form, param.minimum, param.maximum, param.choices, value.numbers,
+                               value.number_count, value.text, &index)) {
+    case MARRAM_WRONG_COUNT:
+        return {fmt::format("has {} numbers", value.number_count),
+                fmt::format("give {}{}", form.numbers,
+                            form.flags & MARRAM_ITEMS ? " an item, at least one item" : "")};
+    case MARRAM_WRONG_NUMBER:
+        return {fmt::format("has {:g} as number {}", value.numbers[index], index), wanted(param, form)};
+    case MARRAM_WRONG_ORDER:
+        return {fmt::format("does not ascend at number {}, {:g}", index, value.numbers[index]),
+                form.flags & MARRAM_ITEMS ? "sort its items by their first numbers, each once"
+                                          : "give the lower number first"};
+    case MARRAM_WRONG_TEXT: {
+        const std::string_view choices = form.text == MARRAM_CHOICE_TEXT ? param.choices : form.keywords;
+        return {fmt::format("is {}", quoted(value.text)),
+                choices.empty() ? wanted(param, form) : fmt::format("give one of {}", choices)};
     }
-    return false;
-}
-
-std::string allowed(const MarramParam& param) {
-    const std::string unit = *param.unit ? fmt::format(" {}", param.unit) : "";
-    return fmt::format("give {:g} to {:g}{}", param.minimum, param.maximum, unit);
-}
-
-// Checks the numbers from index `from` on in steps of `step`: finite and within the declared range.
-Fault number_fault(const MarramParam& param, const MarramValue& value, size_t from, size_t step) {
-    for (size_t i = from; i < value.number_count; i += step) {
-        const double x = value.numbers[i];
-        if (!(std::isfinite(x) && x >= param.minimum && x <= param.maximum))
-            return {fmt::format("is {:g}", x), allowed(param)};
+    case MARRAM_GOOD:
+        break;
     }
     return {};
 }
 
-Fault numbers_fault(const MarramParam& param, const MarramValue& value, size_t count) {
-    if (value.number_count != count)
-        return {fmt::format("has {} numbers", value.number_count), fmt::format("give {}", count)};
-    return number_fault(param, value, 0, 1);
-}
-
-Fault ramp_fault(const MarramParam& param, const MarramValue& value) {
-    if (value.number_count < 2 || value.number_count % 2 != 0)
-        return {fmt::format("is a ramp of {} numbers", value.number_count),
-                "give a position and a value for each of its knots, at least one"};
-    if (!has_choice("linear|smooth|constant", value.text))
-        return {fmt::format("has the interpolation {}", quoted(value.text)),
-                "give linear, smooth or constant"};
-    for (size_t i = 0; i < value.number_count; i += 2) {
-        if (!std::isfinite(value.numbers[i])) return {"has a position that is not finite", "give a number"};
-        if (i > 0 && !(value.numbers[i] > value.numbers[i - 2]))
-            return {"has positions that do not ascend", "sort its knots, each position once"};
-    }
-    return number_fault(param, value, 1, 2);
-}
-
-Fault keys_fault(const MarramValue& value) {
-    if (value.number_count == 0 || value.number_count % key_numbers != 0)
-        return {fmt::format("is a keyed transform of {} numbers", value.number_count),
-                fmt::format("give {} a key, at least one key", key_numbers)};
-    if (!has_choice("linear|smooth", value.text))
-        return {fmt::format("has the interpolation {}", quoted(value.text)), "give linear or smooth"};
-    for (size_t i = 0; i < value.number_count; ++i)
-        if (!std::isfinite(value.numbers[i]))
-            return {"has a number that is not finite", "give finite numbers"};
-    for (size_t i = key_numbers; i < value.number_count; i += key_numbers)
-        if (!(value.numbers[i] > value.numbers[i - key_numbers]))
-            return {"has keys whose frames do not ascend", "sort them, each frame once"};
-    return {};
-}
-
-Fault grid_fault(const MarramValue& value) {
+Fault grid_fault(const MarramTypeForm& form, const MarramValue& value) {
     const MarramGrid* grid = value.grid;
     if (!grid || !grid->values || grid->nx < 1 || grid->ny < 1 || grid->nz < 1)
-        return {"has no image", "read the file and hand over its pixels"};
-    const uint32_t most = value.type == MARRAM_TABLE ? 1 : 4;
-    if (grid->components < 1 || grid->components > most)
-        return {fmt::format("has {} components", grid->components), fmt::format("give 1 to {}", most)};
+        return {"has no values", "read the file and hand over what it holds"};
+    if (grid->components < 1 || grid->components > form.components)
+        return {fmt::format("has {} components", grid->components),
+                fmt::format("give 1 to {}", form.components)};
     if (value.type == MARRAM_TABLE &&
         size_t(std::ranges::count(std::string_view(value.text), ',')) + 1 != grid->nx)
         return {fmt::format("is a table of {} columns with the names {}", grid->nx, quoted(value.text)),
@@ -135,57 +106,17 @@ Fault grid_fault(const MarramValue& value) {
     return {};
 }
 
-Fault content_fault(const MarramParam& param, const MarramValue& value) {
-    switch (param.type) {
-    case MARRAM_BOOLEAN:
-        if (value.number_count != 1) return numbers_fault(param, value, 1);
-        return value.numbers[0] == 0.0 || value.numbers[0] == 1.0 ? Fault{}
-                                                                  : Fault{"is no boolean", "give 0 or 1"};
-    case MARRAM_INTEGER:
-        if (Fault fault = numbers_fault(param, value, 1)) return fault;
-        return value.numbers[0] == std::floor(value.numbers[0])
-                   ? Fault{}
-                   : Fault{fmt::format("is {:g}", value.numbers[0]), "give a whole number"};
-    case MARRAM_NUMBER:
-        return numbers_fault(param, value, 1);
-    case MARRAM_VEC2:
-        return numbers_fault(param, value, 2);
-    case MARRAM_VEC3:
-    case MARRAM_COLOR:
-        return numbers_fault(param, value, 3);
-    case MARRAM_RANGE:
-        if (Fault fault = numbers_fault(param, value, 2)) return fault;
-        return value.numbers[0] <= value.numbers[1] ? Fault{}
-                                                    : Fault{"runs downwards", "give the lower number first"};
-    case MARRAM_CHOICE:
-        return has_choice(param.choices, value.text) ? Fault{}
-                                                     : Fault{fmt::format("is {}", quoted(value.text)),
-                                                             fmt::format("give one of {}", param.choices)};
-    case MARRAM_RAMP:
-        return ramp_fault(param, value);
-    case MARRAM_KEYS:
-        return keys_fault(value);
-    case MARRAM_IMAGE:
-    case MARRAM_TABLE:
-        return grid_fault(value);
-    case MARRAM_MESH_NAME:
-        return *value.text ? Fault{} : Fault{"names no mesh", "give the name of one"};
-    case MARRAM_CURVES_NAME:
-        return *value.text ? Fault{} : Fault{"names no curves", "give the name of some"};
-    default:
-        return {};
-    }
-}
-
 Fault value_fault(const MarramParam& param, const MarramValue& value) {
     const bool type_of_element = std::string_view(param.name) == "type" && value.type == MARRAM_CHOICE;
     if (type_of_element) return {}; // find() has already matched it
-    if (value.type != param.type)
+    const MarramTypeForm* form = marram_type_form(param.type);
+    if (value.type != param.type || !form)
         return {fmt::format("has the type {}", int(value.type)),
                 fmt::format("this parameter is declared with type {} (MarramParamType)", int(param.type))};
     if (value.number_count > 0 && !value.numbers) return {"has numbers that are NULL", "point to them"};
     if (!value.text) return {"has a text that is NULL", "give \"\" where there is none"};
-    return content_fault(param, value);
+    if (Fault fault = content_fault(param, *form, value)) return fault;
+    return form->components > 0 ? grid_fault(*form, value) : Fault{};
 }
 
 // Reports lists whose element indices are not 0, 1, 2, ... without gaps.

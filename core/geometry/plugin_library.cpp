@@ -2,6 +2,7 @@
 #include "core/geometry/plugin_library.h"
 
 #include "core/math/known_part.h"
+#include "core/scene/param_types.h"
 
 #include <dlfcn.h>
 #include <fmt/format.h>
@@ -14,19 +15,16 @@
 namespace marram {
 namespace {
 
-// [MarramParamType]
-constexpr std::array param_types = {
-    ParamType::boolean, ParamType::integer,     ParamType::number,    ParamType::vec2,
-    ParamType::vec3,    ParamType::range,       ParamType::color,     ParamType::text,
-    ParamType::choice,  ParamType::ramp,        ParamType::image,     ParamType::reference,
-    ParamType::keys,    ParamType::unavailable, ParamType::reference, ParamType::table};
-static_assert(param_types.size() == MARRAM_PARAM_TYPE_COUNT,
-              "a parameter type of the contract has no type here");
+// Empty if this program does not know the type.
+std::optional<ParamType> type_of(const MarramParam& param) {
+    const MarramTypeForm* form = marram_type_form(param.type);
+    return form ? type_of_contract(form->name) : std::nullopt;
+}
 
-bool is_known(const MarramParam& param) { return size_t(param.type) < param_types.size(); }
+bool is_known(const MarramParam& param) { return type_of(param).has_value(); }
 
 ParamSpec spec_of(const MarramParam& param) {
-    ParamSpec spec{param.name,    param_types[size_t(param.type)],
+    ParamSpec spec{param.name,    type_of(param).value_or(ParamType::unavailable),
                    param.unit,    param.initial,
                    param.minimum, param.maximum,
                    param.choices, param.help};

@@ -3,6 +3,7 @@
 
 #include "core/geometry/plugin_library.h"
 #include "core/render/film.h"
+#include "core/scene/param_types.h"
 #include "core/shot/picture_file.h"
 
 #include <fmt/format.h>
@@ -17,15 +18,9 @@
 namespace marram {
 namespace {
 
-constexpr const char* type_names[] = {"boolean",   "integer",      "number",    "[a, b]",
-                                      "[x, y, z]", "range",        "color",     "text",
-                                      "choice",    "ramp",         "file",      "image",
-                                      "name of a", "list of text", "transform", "list of [x, y, z]",
-                                      "table",     "unavailable"};
-
 std::string kind_of(const ParamSpec& spec) {
     if (spec.type == ParamType::choice) return spec.choices;
-    std::string kind = type_names[int(spec.type)];
+    std::string kind(of(spec.type).kind);
     if (spec.type == ParamType::reference) kind += " " + spec.choices;
     return kind;
 }

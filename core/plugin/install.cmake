@@ -20,7 +20,8 @@ install(TARGETS marram_images LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR}/marram
 install(DIRECTORY core/plugin/blender/marram_blender DESTINATION ${CMAKE_INSTALL_DATADIR}/marram/blender COMPONENT program
         PATTERN __pycache__ EXCLUDE)
 install(TARGETS marram_procedural LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR}/marram COMPONENT plugin)
-install(FILES core/plugin/embree.h core/plugin/marram_plugin.h core/plugin/marram_host.h
+install(FILES core/plugin/embree.h core/plugin/marram_types.h core/plugin/marram_plugin.h
+              core/plugin/marram_host.h
         DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/marram COMPONENT development)
 
 include(CMakePackageConfigHelpers)

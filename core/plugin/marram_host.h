@@ -398,47 +398,14 @@ static inline void marram_host_say(const MarramHost* host, const char* id, const
 
 /* The remedy for a wrong value of a parameter: "give [low, high], from 0 to 10 m". NULL: out of memory. */
 static inline char* marram_host_wanted(const MarramParam* param) {
-    const char *unit = *param->unit ? " " : "", *form = "a number";
-    switch ((int)param->type) {
-    case MARRAM_BOOLEAN:
-        return marram_host_print("give true or false");
-    case MARRAM_CHOICE:
-        return marram_host_print("give one of %s", param->choices);
-    case MARRAM_TEXT:
-        return marram_host_print("give a text");
-    case MARRAM_MESH_NAME:
-        return marram_host_print("give the name of a mesh");
-    case MARRAM_CURVES_NAME:
-        return marram_host_print("give the name of curves");
-    case MARRAM_IMAGE:
-    case MARRAM_TABLE:
+    const MarramTypeForm* form = marram_type_form(param->type);
+    const char* unit = *param->unit ? " " : "";
+    if (!form) return marram_host_print("leave it out");
+    if (form->components > 0)
         return marram_host_print("read the file, and hand it over by marram_set_grid()");
-    case MARRAM_KEYS:
-        return marram_host_print(
-            "give { translate = [x, y, z], rotate = ..., scale = ... }, or { keys = [{ frame = 1, "
-            "... }, ...], interpolation = \"linear|smooth\" }");
-    case MARRAM_INTEGER:
-        form = "a whole number";
-        break;
-    case MARRAM_VEC2:
-        form = "two numbers [a, b]";
-        break;
-    case MARRAM_VEC3:
-        form = "three numbers [x, y, z]";
-        break;
-    case MARRAM_RANGE:
-        form = "[low, high], or one number for both";
-        break;
-    case MARRAM_COLOR:
-        form = "[r, g, b], or one number for a grey";
-        break;
-    case MARRAM_RAMP:
-        form = "[[position, value], ...] with ascending positions, values";
-        break;
-    default:
-        break;
-    }
-    return marram_host_print("give %s from %g to %g%s%s", form, param->minimum, param->maximum, unit,
+    if (form->text == MARRAM_CHOICE_TEXT) return marram_host_print("give one of %s", param->choices);
+    if (form->ranged == 0) return marram_host_print("give %s", form->written);
+    return marram_host_print("give %s from %g to %g%s%s", form->written, param->minimum, param->maximum, unit,
                              param->unit);
 }
 
@@ -663,9 +630,8 @@ static inline int marram_host_keys(const char** at, MarramHostParsed* parsed) {
     return 1;
 }
 
-static inline int marram_host_is_text(MarramParamType type) {
-    return type == MARRAM_TEXT || type == MARRAM_CHOICE || type == MARRAM_MESH_NAME ||
-           type == MARRAM_CURVES_NAME;
+static inline int marram_host_is_text(const MarramTypeForm* form) {
+    return form->text != MARRAM_NO_TEXT && form->numbers == 0 && form->components == 0;
 }
 
 static inline int marram_host_read_text(const char** at, MarramHostParsed* parsed) {
@@ -681,29 +647,30 @@ static inline int marram_host_read_text(const char** at, MarramHostParsed* parse
 }
 
 static inline int marram_host_read(MarramParamType type, const char* toml, MarramHostParsed* parsed) {
+    const MarramTypeForm* form = marram_type_form(type);
     const char* at = toml;
     int good = 0;
-    if (marram_host_is_text(type)) {
+    if (!form) return 0;
+    if (marram_host_is_text(form)) {
         good = marram_host_read_text(&at, parsed);
-    } else if (type == MARRAM_BOOLEAN) {
-        marram_host_skip(&at);
-        good = strncmp(at, "true", 4) == 0 || strncmp(at, "false", 5) == 0;
-        if (good) marram_host_add_number(parsed, *at == 't' ? 1.0 : 0.0);
-        if (good) at += *at == 't' ? 4 : 5;
-    } else if (type == MARRAM_INTEGER || type == MARRAM_NUMBER) {
-        good = marram_host_number(&at, parsed) && !(type == MARRAM_INTEGER && parsed->fraction);
-    } else if (type == MARRAM_VEC2 || type == MARRAM_VEC3) {
-        good = marram_host_numbers(&at, type == MARRAM_VEC2 ? 2 : 3, parsed);
-    } else if (type == MARRAM_RANGE || type == MARRAM_COLOR) {
-        good = marram_host_scalar_or_numbers(&at, type == MARRAM_RANGE ? 2 : 3, parsed);
     } else if (type == MARRAM_RAMP) {
         good = marram_host_ramp(&at, parsed);
     } else if (type == MARRAM_KEYS) {
         good = marram_host_keys(&at, parsed);
+    } else if (form->flags & MARRAM_ZERO_OR_ONE) {
+        marram_host_skip(&at);
+        good = strncmp(at, "true", 4) == 0 || strncmp(at, "false", 5) == 0;
+        if (good) marram_host_add_number(parsed, *at == 't' ? 1.0 : 0.0);
+        if (good) at += *at == 't' ? 4 : 5;
+    } else if (form->numbers == 1) {
+        good = marram_host_number(&at, parsed) && !((form->flags & MARRAM_WHOLE) && parsed->fraction);
+    } else if (form->numbers > 1) {
+        good = form->flags & MARRAM_SCALAR ? marram_host_scalar_or_numbers(&at, (int)form->numbers, parsed)
+                                           : marram_host_numbers(&at, (int)form->numbers, parsed);
     }
     marram_host_skip(&at);
-    if ((type == MARRAM_RAMP || type == MARRAM_KEYS) && good && !parsed->text) {
-        parsed->text = marram_host_copy("linear", 6);
+    if (form->text == MARRAM_KEYWORD_TEXT && good && !parsed->text) {
+        parsed->text = marram_host_copy(form->keywords, strcspn(form->keywords, "|"));
         parsed->no_memory = parsed->no_memory || !parsed->text;
     }
     return good && *at == '\0' && !parsed->no_memory;
@@ -711,84 +678,23 @@ static inline int marram_host_read(MarramParamType type, const char* toml, Marra
 
 /* ---- Checks of values, parsed or given as numbers ---- */
 
-/* Whether each number is finite and from low to high. */
-static inline int marram_host_within(const MarramHostParsed* parsed, size_t from, size_t step, double low,
-                                     double high) {
-    for (size_t i = from; i < parsed->count; i += step)
-        if (!(isfinite(parsed->numbers[i]) && parsed->numbers[i] >= low && parsed->numbers[i] <= high))
-            return 0;
-    return 1;
-}
-
-static inline int marram_host_ascends(const MarramHostParsed* parsed, size_t step) {
-    for (size_t i = step; i < parsed->count; i += step)
-        if (!(parsed->numbers[i] > parsed->numbers[i - step])) return 0;
-    return 1;
-}
-
-/* Larger values in transforms are typing mistakes, and floats would lose too much precision. */
-static inline int marram_host_keys_are_good(const MarramHostParsed* parsed) {
-    const double frames = 1e6, most[3] = {1e8, 1e6, 1e6}; /* m, degrees, scale */
-    if (parsed->count == 0 || parsed->count % marram_host_key_numbers != 0) return 0;
-    if (!marram_host_within(parsed, 0, marram_host_key_numbers, -frames, frames)) return 0;
-    for (size_t i = 1; i < marram_host_key_numbers; ++i)
-        if (!marram_host_within(parsed, i, marram_host_key_numbers, -most[(i - 1) / 3], most[(i - 1) / 3]))
-            return 0;
-    for (size_t i = 0; i < parsed->count; ++i)
-        if (i % marram_host_key_numbers >= 7 && fabs(parsed->numbers[i]) < 1.0 / most[2]) return 0;
-    return marram_host_ascends(parsed, marram_host_key_numbers);
-}
-
-static inline int marram_host_is_good(const MarramParam* param, const MarramHostParsed* parsed) {
-    const double low = param->type == MARRAM_COLOR && param->minimum < 0.0 ? 0.0 : param->minimum,
-                 high = param->maximum;
-    const double* n = parsed->numbers;
-    const char* text = parsed->text ? parsed->text : "";
-    const int inside = marram_host_within(parsed, 0, 1, low, high);
-    MarramHostNearest ignored;
-    switch ((int)param->type) {
-    case MARRAM_BOOLEAN:
-        return parsed->count == 1 && (n[0] == 0.0 || n[0] == 1.0);
-    case MARRAM_INTEGER: /* of 32 bits */
-        return parsed->count == 1 && inside && n[0] == floor(n[0]) && fabs(n[0] + 0.5) < 2147483648.0;
-    case MARRAM_NUMBER:
-        return parsed->count == 1 && inside;
-    case MARRAM_VEC2:
-        return parsed->count == 2 && inside;
-    case MARRAM_VEC3:
-    case MARRAM_COLOR:
-        return parsed->count == 3 && inside;
-    case MARRAM_RANGE:
-        return parsed->count == 2 && inside && n[0] <= n[1];
-    case MARRAM_TEXT:
-        return 1;
-    case MARRAM_MESH_NAME:
-    case MARRAM_CURVES_NAME:
-        return *text != '\0';
-    case MARRAM_CHOICE:
-        marram_host_seek(&ignored, text);
-        return marram_host_offer_choices(&ignored, param->choices);
-    case MARRAM_RAMP:
-        return parsed->count >= 2 && parsed->count % 2 == 0 && marram_host_within(parsed, 1, 2, low, high) &&
-               marram_host_within(parsed, 0, 2, -HUGE_VAL, HUGE_VAL) && marram_host_ascends(parsed, 2) &&
-               (strcmp(text, "linear") == 0 || strcmp(text, "smooth") == 0 || strcmp(text, "constant") == 0);
-    case MARRAM_KEYS:
-        return marram_host_keys_are_good(parsed) &&
-               (strcmp(text, "linear") == 0 || strcmp(text, "smooth") == 0);
-    default:
-        return 0;
-    }
+static inline MarramValueFault marram_host_fault(const MarramParam* param, const MarramHostParsed* parsed) {
+    const MarramTypeForm* form = marram_type_form(param->type);
+    size_t index = 0;
+    return marram_value_fault(form, param->minimum, param->maximum, param->choices, parsed->numbers,
+                              parsed->count, parsed->text, &index);
 }
 
 /* The remedy for a wrong value. */
 static inline char* marram_host_remedy(const MarramParam* param, const MarramHostParsed* parsed) {
     MarramHostNearest nearest;
-    if (param->type == MARRAM_CHOICE && parsed->text) {
+    const MarramTypeForm* form = marram_type_form(param->type);
+    if (form->text == MARRAM_CHOICE_TEXT && parsed->text) {
         marram_host_seek(&nearest, parsed->text);
         marram_host_offer_choices(&nearest, param->choices);
         if (nearest.best[0]) return marram_host_print("did you mean \"%s\"?", nearest.best);
     }
-    if (param->type == MARRAM_RANGE && parsed->count == 2 && parsed->numbers[0] > parsed->numbers[1])
+    if ((form->flags & MARRAM_ASCENDING) && marram_host_fault(param, parsed) == MARRAM_WRONG_ORDER)
         return marram_host_print("give the lower number first");
     return marram_host_wanted(param);
 }
@@ -948,7 +854,7 @@ static inline const MarramParam* marram_host_declared(MarramHostValues* values, 
     const MarramParam* param = marram_host_find_param(params, declared);
     if (!param) marram_host_unknown(values, name, params, declared);
     free(declared);
-    if (param && param->type == MARRAM_UNAVAILABLE) {
+    if (param && (param->type == MARRAM_UNAVAILABLE || !marram_type_form(param->type))) {
         marram_host_complain(values, "host.name", name, values->place,
                              marram_host_print("%s is not available in this library", param->name),
                              marram_host_print("leave it out (%s)", param->help));
@@ -1019,7 +925,7 @@ static inline MarramStatus marram_host_check_and_accept(MarramHostValues* values
     MarramStatus status = MARRAM_ERROR;
     if (parsed->no_memory)
         values->no_memory = 1;
-    else if (readable && marram_host_is_good(param, parsed))
+    else if (readable && marram_host_fault(param, parsed) == MARRAM_GOOD)
         status = marram_host_accept(values, name, param->type, parsed);
     else
         marram_host_refuse(values, name, values->place, given, marram_host_remedy(param, parsed));
@@ -1115,22 +1021,22 @@ static inline MarramStatus marram_set(MarramHostValues* values, const char* name
 
 static inline MarramStatus marram_host_set_parts(MarramHostValues* values, const char* name,
                                                  const double* numbers, size_t count, const char* text,
-                                                 int (*takes)(MarramParamType type)) {
+                                                 int (*takes)(const MarramTypeForm* form)) {
     MarramHostParsed parsed;
     memset(&parsed, 0, sizeof parsed);
     if (!values || !name || (count > 0 && !numbers)) return MARRAM_ERROR;
     const MarramParam* param = marram_host_declared(values, name);
     if (!param) return MARRAM_ERROR;
     for (size_t i = 0; i < count; ++i) marram_host_add_number(&parsed, numbers[i]);
-    if (count == 1 && (param->type == MARRAM_RANGE || param->type == MARRAM_COLOR))
-        for (int i = 0; i < (param->type == MARRAM_RANGE ? 1 : 2); ++i)
-            marram_host_add_number(&parsed, numbers[0]);
+    const MarramTypeForm* form = marram_type_form(param->type);
+    if (count == 1 && (form->flags & MARRAM_SCALAR))
+        for (uint32_t i = 1; i < form->numbers; ++i) marram_host_add_number(&parsed, numbers[0]);
     if (text) {
         parsed.text = marram_host_copy(text, strlen(text));
         parsed.no_memory = parsed.no_memory || !parsed.text;
     }
     char given[160];
-    if (text && !marram_host_is_text(param->type))
+    if (text && !marram_host_is_text(form))
         snprintf(given, sizeof given, "%.40s of %lu numbers", text, (unsigned long)count);
     else if (text)
         snprintf(given, sizeof given, "%.140s", *text ? text : "empty");
@@ -1142,15 +1048,13 @@ static inline MarramStatus marram_host_set_parts(MarramHostValues* values, const
                  numbers[0], count > 1 ? numbers[1] : 0.0, count > 2 ? numbers[2] : 0.0);
     else
         snprintf(given, sizeof given, "%lu numbers", (unsigned long)count);
-    return marram_host_check_and_accept(values, name, param, &parsed, takes(param->type), given);
+    return marram_host_check_and_accept(values, name, param, &parsed, takes(form), given);
 }
 
-static inline int marram_host_takes_numbers(MarramParamType type) {
-    return type == MARRAM_BOOLEAN || type == MARRAM_INTEGER || type == MARRAM_NUMBER || type == MARRAM_VEC2 ||
-           type == MARRAM_VEC3 || type == MARRAM_RANGE || type == MARRAM_COLOR;
+static inline int marram_host_takes_numbers(const MarramTypeForm* form) {
+    return form->numbers > 0 && !(form->flags & MARRAM_ITEMS);
 }
-static inline int marram_host_takes_ramp(MarramParamType type) { return type == MARRAM_RAMP; }
-static inline int marram_host_takes_keys(MarramParamType type) { return type == MARRAM_KEYS; }
+static inline int marram_host_takes_items(const MarramTypeForm* form) { return form->flags & MARRAM_ITEMS; }
 
 static inline MarramStatus marram_set_numbers(MarramHostValues* values, const char* name,
                                               const double* numbers, size_t count) {
@@ -1170,13 +1074,13 @@ static inline MarramStatus marram_set_text(MarramHostValues* values, const char*
 static inline MarramStatus marram_set_ramp(MarramHostValues* values, const char* name, const double* knots,
                                            size_t number_count, const char* interpolation) {
     return marram_host_set_parts(values, name, knots, number_count, interpolation ? interpolation : "",
-                                 marram_host_takes_ramp);
+                                 marram_host_takes_items);
 }
 
 static inline MarramStatus marram_set_keys(MarramHostValues* values, const char* name, const double* numbers,
                                            size_t number_count, const char* interpolation) {
     return marram_host_set_parts(values, name, numbers, number_count, interpolation ? interpolation : "",
-                                 marram_host_takes_keys);
+                                 marram_host_takes_items);
 }
 
 static inline MarramStatus marram_set_grid(MarramHostValues* values, const char* name, const MarramGrid* grid,
@@ -1186,9 +1090,10 @@ static inline MarramStatus marram_set_grid(MarramHostValues* values, const char*
     if (!values || !name) return MARRAM_ERROR;
     const MarramParam* param = marram_host_declared(values, name);
     if (!param) return MARRAM_ERROR;
-    const int fits = param->type == MARRAM_IMAGE || param->type == MARRAM_TABLE;
+    const uint32_t components = marram_type_form(param->type)->components; /* at most */
+    const int fits = components > 0;
     const int whole = grid && grid->values && grid->nx && grid->ny && grid->nz && grid->components &&
-                      grid->components <= (param->type == MARRAM_TABLE ? 1u : 4u);
+                      grid->components <= components;
     if (!fits || !whole)
         return marram_host_refuse(
             values, name, values->place, fits ? "an image or table without values" : "a grid",
@@ -1300,7 +1205,7 @@ static inline void marram_host_fill(MarramHostValues* values, MarramHostParams p
                 free(wanted);
             }
         } else if (!marram_host_read(param->type, param->initial, &parsed) ||
-                   !marram_host_is_good(param, &parsed)) {
+                   marram_host_fault(param, &parsed) != MARRAM_GOOD) {
             marram_host_complain(
                 values, "host.value", name, place,
                 marram_host_print("the default of %s, %s, is no valid value", name, param->initial),

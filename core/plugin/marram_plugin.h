@@ -53,6 +53,7 @@
 #define MARRAM_PLUGIN_H
 
 #include "embree.h" /* in the same folder, in the source tree and when installed */
+#include "marram_types.h"
 
 #include <stddef.h>
 #include <stdint.h>
@@ -172,28 +173,6 @@ typedef struct MarramCurves {
 
 /* ---- Parameters ------------------------------------------------------------------------------------------------- */
 
-typedef enum MarramParamType {
-    MARRAM_BOOLEAN, /* numbers[0] is 0 or 1 */
-    MARRAM_INTEGER, /* numbers[0] */
-    MARRAM_NUMBER,  /* numbers[0] */
-    MARRAM_VEC2,    /* numbers[0..1] */
-    MARRAM_VEC3,    /* numbers[0..2] */
-    MARRAM_RANGE,   /* numbers[0..1], low <= high */
-    MARRAM_COLOR,   /* numbers[0..2], linear */
-    MARRAM_TEXT,    /* text */
-    MARRAM_CHOICE,  /* text, one of choices "a|b|c" */
-    MARRAM_RAMP,    /* numbers = p0 v0 p1 v1 ..., text = "linear" | "smooth" | "constant" */
-    MARRAM_IMAGE, /* grid: the host has read the file; rows from the top, linear values, nz = 1. text = its path */
-    MARRAM_MESH_NAME, /* text = name of a mesh, scene's or procedural's, in MarramFrame.meshes: a dependency */
-    MARRAM_KEYS, /* keyed transform: numbers = 10 per key: frame, translate xyz, rotate xyz in degrees, scale xyz,
-                           frames ascending; text = "linear" | "smooth". Scale, then rotate about x, y, z, then translate */
-    MARRAM_UNAVAILABLE, /* declared only for an error message if a scene uses it; never passed */
-    MARRAM_CURVES_NAME, /* text = name of curves, scene's or procedural's, in MarramFrame.curves: a dependency */
-    MARRAM_TABLE, /* grid: a table of numbers that the host has read from CSV, nx columns, ny rows, 1 component;
-                           text = the columns' names, separated by commas */
-    MARRAM_PARAM_TYPE_COUNT
-} MarramParamType;
-
 /*
  * Names are dotted for nested tables: "noise.octaves". One table in a name may be followed by []. It is then
  * a list of tables, and each element has the parameter: "gusts.control[].shape" is [[wind.gusts.control]]
@@ -203,9 +182,9 @@ typedef enum MarramParamType {
  */
 typedef struct MarramParam {
     const char* name;
-    MarramParamType type;
-    const char* unit;    /* "m", "deg", "m/s", "1/m", "frames"; "": no unit */
-    const char* initial; /* default, in TOML as in a scene file; "": must be given; "none": may be absent */
+    MarramParamType type; /* marram_types.h says what its values hold */
+    const char* unit;     /* "m", "deg", "m/s", "1/m", "frames"; "": no unit */
+    const char* initial;  /* default, in TOML as in a scene file; "": must be given; "none": may be absent */
     double minimum, maximum; /* of every component, both ends allowed */
     /* "a|b|c" of a choice; "each" of a MARRAM_MESH_NAME that may be a list: one instance for each; else "" */
     const char* choices;

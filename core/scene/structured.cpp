@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Values with parts: ramps, keyed transforms, points, paths.
 #include "core/scene/libraries.h"
+#include "core/scene/param_types.h"
 #include "core/scene/suggest.h"
 #include "core/scene/values.h"
 #include "core/scene/words.h"

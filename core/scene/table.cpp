@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/scene/table.h"
+#include "core/scene/param_types.h"
 #include "core/scene/suggest.h"
 #include "core/scene/values.h"
 #include "core/scene/words.h"

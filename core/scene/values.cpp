@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/scene/values.h"
+#include "core/scene/param_types.h"
 #include "core/scene/suggest.h"
 #include "core/scene/words.h"
 
@@ -12,131 +13,12 @@
 namespace marram {
 namespace {
 
-bool wrong(const toml::node& node, const ParamSpec& spec, const std::string& label, Reading& reading) {
-    reading.report(place_of(node, reading), fmt::format("{} is {}", label, found(node)),
-                   "give " + wanted(spec));
-    return false;
-}
-
-bool read_integer(const toml::node& node, const ParamSpec& spec, const std::string& label, ParamValue& value,
-                  Reading& reading) {
-    const auto* integer = node.as_integer();
-    if (!integer) return wrong(node, spec, label, reading);
-    const int64_t number = integer->get();
-    const bool fits =
-        number >= std::numeric_limits<int32_t>::min() && number <= std::numeric_limits<int32_t>::max();
-    const double real = static_cast<double>(number);
-    if (real < spec.minimum || real > spec.maximum) return wrong(node, spec, label, reading);
-    if (!fits) {
-        reading.report(place_of(node, reading),
-                       fmt::format("{} is {}, which no 32-bit integer can hold", label, number),
-                       "give a smaller number");
-        return false;
-    }
-    value.numbers = {real};
-    return true;
-}
-
-bool read_range(const toml::node& node, const ParamSpec& spec, const std::string& label, ParamValue& value,
-                Reading& reading) {
-    if (!read_numbers(node, spec, 2, true, label, value.numbers, reading)) return false;
-    if (value.numbers[0] <= value.numbers[1]) return true;
-    reading.report(place_of(node, reading),
-                   fmt::format("{} runs from {} down to {}", label, value.numbers[0], value.numbers[1]),
-                   "give the lower number first");
-    return false;
-}
-
-bool read_text(const toml::node& node, const ParamSpec& spec, const std::string& label, ParamValue& value,
-               Reading& reading) {
-    if (!node.is_string()) return wrong(node, spec, label, reading);
-    value.text = node.as_string()->get();
-    return true;
-}
-
-bool read_texts(const toml::node& node, const ParamSpec& spec, const std::string& label, ParamValue& value,
-                Reading& reading) {
-    if (!node.is_array()) return wrong(node, spec, label, reading);
-    for (const toml::node& item : *node.as_array()) {
-        if (!item.is_string()) return wrong(item, spec, "a part of " + label, reading);
-        value.texts.push_back(item.as_string()->get());
-    }
-    return true;
-}
-
-bool read_reference(const toml::node& node, const ParamSpec& spec, const std::string& label,
-                    ParamValue& value, Reading& reading) {
-    const toml::array* names = spec.each ? node.as_array() : nullptr;
-    if (!names) return read_text(node, spec, label, value, reading);
-    if (names->empty()) return wrong(node, spec, label, reading);
-    if (!read_texts(node, spec, label, value, reading)) return false;
-    std::vector<std::string> sorted = value.texts;
-    std::ranges::sort(sorted);
-    if (const auto twice = std::ranges::adjacent_find(sorted); twice != sorted.end()) {
-        reading.report(place_of(node, reading), fmt::format("{} names {} twice", label, in_quotes(*twice)),
-                       "name each once");
-        return false;
-    }
-    value.text = value.texts.front();
-    return true;
-}
-
-bool read_into(const toml::node& node, const ParamSpec& spec, const std::string& label, ParamValue& value,
-               Reading& reading) {
-    switch (spec.type) {
-    case ParamType::boolean:
-        if (!node.is_boolean()) return wrong(node, spec, label, reading);
-        value.numbers = {node.as_boolean()->get() ? 1.0 : 0.0};
-        return true;
-    case ParamType::integer:
-        return read_integer(node, spec, label, value, reading);
-    case ParamType::number: {
-        const auto number =
-            read_number(node, spec.minimum, spec.maximum, label, "give " + wanted(spec), reading);
-        if (number) value.numbers = {*number};
-        return number.has_value();
-    }
-    case ParamType::vec2:
-        return read_numbers(node, spec, 2, false, label, value.numbers, reading);
-    case ParamType::vec3:
-        return read_numbers(node, spec, 3, false, label, value.numbers, reading);
-    case ParamType::color:
-        return read_numbers(node, spec, 3, true, label, value.numbers, reading);
-    case ParamType::range:
-        return read_range(node, spec, label, value, reading);
-    case ParamType::text:
-        return read_text(node, spec, label, value, reading);
-    case ParamType::reference:
-        return read_reference(node, spec, label, value, reading);
-    case ParamType::choice:
-        return read_choice(node, split(spec.choices, '|'), label, value.text, reading);
-    case ParamType::texts:
-        return read_texts(node, spec, label, value, reading);
-    case ParamType::ramp:
-        return read_ramp(node, spec, label, value, reading);
-    case ParamType::keys:
-        return read_keys(node, spec, label, value, reading);
-    case ParamType::points:
-        return read_points(node, spec, label, value, reading);
-    case ParamType::file:
-    case ParamType::image:
-    case ParamType::table:
-        return read_path(node, spec, label, value, reading);
-    case ParamType::unavailable:
-        break; // rejected by name before its value is read
-    }
-    return wrong(node, spec, label, reading);
-}
-
 // Parses `value = <initial>`. Text-like types may leave out quotes; blanks around a value are ignored.
 toml::table default_table(const ParamSpec& spec) {
-    const bool texty = spec.type == ParamType::text || spec.type == ParamType::choice ||
-                       spec.type == ParamType::reference || spec.type == ParamType::file ||
-                       spec.type == ParamType::image || spec.type == ParamType::table;
     constexpr std::string_view blanks = " \t\r\n";
     const size_t first = std::min(spec.initial.find_first_not_of(blanks), spec.initial.size());
     const std::string text = spec.initial.substr(first, spec.initial.find_last_not_of(blanks) + 1 - first);
-    const bool bare = texty && text.find_first_of("\"'") != 0;
+    const bool bare = of(spec.type).is_text && text.find_first_of("\"'") != 0;
     try {
         return toml::parse(bare ? fmt::format("value = '''{}'''", text) : "value = " + text);
     } catch (const toml::parse_error&) {
@@ -164,7 +46,10 @@ bool read_numbers(const toml::node& node, const ParamSpec& spec, size_t count, b
         return number.has_value();
     }
     const toml::array* array = node.as_array();
-    if (!array || array->size() != count) return wrong(node, spec, label, reading);
+    if (!array || array->size() != count) {
+        reading.report(place_of(node, reading), fmt::format("{} is {}", label, found(node)), fix);
+        return false;
+    }
     bool good = true;
     for (size_t i = 0; i < count; ++i) {
         const std::string part = fmt::format("number {} of {}", i + 1, label);
@@ -209,7 +94,7 @@ std::optional<ParamValue> read_value(const toml::node& node, const ParamSpec& sp
     value.spec = &spec;
     value.place = place_of(node, reading);
     value.given = true;
-    if (!read_into(node, spec, label, value, reading)) return {};
+    if (!of(spec.type).read(node, spec, label, value, reading)) return {};
     return value;
 }
 

@@ -1,9 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Converts a TOML node to a ParamValue and checks it against its declaration. `label` names the value in
 // messages: "film.samples", "mesh.hill.size". Mistakes are reported with the place of the wrong node.
-//
-// To add a parameter type: a ParamType in core/math/params.h, a case in read_into() and in wanted(), a test
-// file in tests/broken.
 #pragma once
 
 #include "core/scene/reading.h"

@@ -42,48 +42,4 @@ std::string bounds(const ParamSpec& spec) {
     return spec.unit.empty() ? "" : " in " + spec.unit;
 }
 
-std::string wanted(const ParamSpec& spec) {
-    switch (spec.type) {
-    case ParamType::boolean:
-        return "true or false";
-    case ParamType::integer:
-        return "a whole number" + bounds(spec);
-    case ParamType::number:
-        return "a number" + bounds(spec);
-    case ParamType::vec2:
-        return "[a, b], two numbers" + bounds(spec);
-    case ParamType::vec3:
-        return "[x, y, z], three numbers" + bounds(spec);
-    case ParamType::range:
-        return "[low, high] or one number," + (bounds(spec).empty() ? " any" : bounds(spec));
-    case ParamType::color:
-        return "[r, g, b] or one number for a grey, linear," + bounds(spec);
-    case ParamType::text:
-        return "a text in quotes";
-    case ParamType::choice:
-        return "one of " + listed(split(spec.choices, '|'), 100) + " in quotes";
-    case ParamType::ramp:
-        return "[[position, value], ...] or { knots = [[position, value], ...], interpolation = \"linear\" }";
-    case ParamType::file:
-        return "the path of a file, in quotes";
-    case ParamType::image:
-        return "the path of an image, in quotes";
-    case ParamType::points:
-        return "[[x, y, z], ...]," + (bounds(spec).empty() ? " any numbers" : " numbers" + bounds(spec));
-    case ParamType::table:
-        return "the path of a CSV file of numbers, in quotes";
-    case ParamType::reference:
-        return fmt::format("the name of a {}, in quotes{}", spec.choices,
-                           spec.each ? ", or a list of such names" : "");
-    case ParamType::texts:
-        return "a list of texts, [\"a\", \"b\"]";
-    case ParamType::keys:
-        return "{ translate = [x, y, z], rotate = [x, y, z], scale = 1 } or { keys = [{ frame = 1, ... }, "
-               "...] }";
-    case ParamType::unavailable:
-        break;
-    }
-    return "nothing";
-}
-
 } // namespace marram

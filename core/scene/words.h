@@ -7,7 +7,6 @@
 namespace marram {
 
 std::string found(const toml::node& node); // `the text "fast"`, `2.5`, `an array`, `a table`, `true`
-std::string wanted(const ParamSpec& spec); // `a whole number from 1 to 64`, `[x, y, z], three numbers in m`
 std::string limit(double value);           // 24, 1e8, 1e-6
 std::string bounds(const ParamSpec& spec); // ` from 0 to 1 m`, ` of 0 m or more`, ` in m`, or nothing
 

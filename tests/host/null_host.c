@@ -425,14 +425,14 @@ static void check_bad_values(const MarramProcedural* type) {
                {"length", "give 2", 1, {2}, NULL},
                {"width", "0 to", 1, {-1}, NULL},
                {"shape", "round|ribbon|oriented-ribbon", 0, {0}, "cube"},
-               {"on", "names no mesh", 0, {0}, ""},
+               {"on", "the name of a mesh", 0, {0}, ""},
                {"envelope", "at least one", 0, {0}, "linear"},
                {"envelope", "at least one", 3, {0, 1, 1}, "linear"},
-               {"envelope", "linear, smooth or constant", 4, {0, 1, 1, 1}, "cubic"},
+               {"envelope", "linear|smooth|constant", 4, {0, 1, 1, 1}, "cubic"},
                {"envelope", "ascend", 4, {1, 1, 0, 1}, "linear"},
                {"envelope", "NULL", 4, {0, 1, 1, 1}, NULL},
                {"wind.direction", "1e+09", 3, {INFINITY, 0, 0}, NULL},
-               {"wind.gusts.redraw", "0 or 1", 1, {2}, NULL}};
+               {"wind.gusts.redraw", "1 or 0", 1, {2}, NULL}};
     for (size_t i = 0; i < sizeof bad / sizeof *bad; ++i) {
         make_values(type, good, good_count, &values);
         MarramValue* value = value_of(&values, bad[i].name);

@@ -46,14 +46,13 @@ const MarramParam* declaration(const ProceduralType& type, const std::vector<Mar
 bool spoil(const ProceduralType& type, WrongValues& wrong, size_t index, int fault) {
     MarramValue& value = wrong.list[index];
     const MarramParam* param = declaration(type, wrong.list, value.name);
+    const MarramTypeForm& form = *marram_type_form(value.type);
     const bool is_type = std::string_view(value.name).ends_with("].type"); // of an element
     wrong.numbers.assign(value.numbers, value.numbers + value.number_count);
     wrong.text = value.text;
     wrong.what = fmt::format("{} with fault {}", value.name, fault);
-    const bool numeric =
-        param && value.number_count > 0 && value.type != MARRAM_KEYS && value.type != MARRAM_RAMP;
-    const bool named =
-        value.type == MARRAM_CHOICE || value.type == MARRAM_MESH_NAME || value.type == MARRAM_CURVES_NAME;
+    const bool numeric = param && form.numbers > 0 && !(form.flags & MARRAM_ITEMS);
+    const bool named = form.text == MARRAM_CHOICE_TEXT || form.text == MARRAM_NAME_TEXT;
     switch (fault) {
     case 0: // not a number
     case 1:
@@ -100,8 +99,8 @@ bool spoil(const ProceduralType& type, WrongValues& wrong, size_t index, int fau
         return true;
     }
     case 12: // an unknown choice, interpolation or type of element; an empty name
-        if (!named && value.type != MARRAM_RAMP && value.type != MARRAM_KEYS) return false;
-        wrong.text = value.type == MARRAM_MESH_NAME || value.type == MARRAM_CURVES_NAME ? "" : "nonsense";
+        if (!named && form.text != MARRAM_KEYWORD_TEXT) return false;
+        wrong.text = form.text == MARRAM_NAME_TEXT ? "" : "nonsense";
         break;
     case 13: // descending
         if (value.type != MARRAM_RANGE && value.type != MARRAM_RAMP) return false;

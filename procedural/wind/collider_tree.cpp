@@ -41,22 +41,57 @@ size_t run_end(size_t begin, size_t most, const std::vector<uint64_t>& keys) {
 
 } // namespace
 
-// Keys: mesh index in the high bits, Morton code in the low bits.
+namespace {
+
+struct BlocksOfMesh {
+    uint32_t mesh; // index in the frame
+    TriangleBlocks blocks;
+};
+
+// Sorts meshes along a Morton curve through the centres of their boxes, so that nodes above several meshes
+// are compact.
+void sort_by_place(std::vector<BlocksOfMesh>& meshes, const Eigen::AlignedBox3f& box) {
+    std::vector<std::pair<uint32_t, size_t>> order; // Morton code and index
+    const Eigen::Array3d low = box.min().cast<double>().array(),
+                         size = box.max().cast<double>().array() - low;
+    for (size_t i = 0; i < meshes.size(); ++i) {
+        const Eigen::AlignedBox3f& one = meshes[i].blocks.box;
+        const Eigen::Array3d centre = 0.5 * (one.min().cast<double>() + one.max().cast<double>()).array();
+        const Eigen::Array3d share = (size > 0.0).select((centre - low) / size, 0.0);
+        const auto cell = (share * 1023.0).cast<uint32_t>();
+        order.emplace_back(morton_code(cell[0], cell[1], cell[2]), i);
+    }
+    std::ranges::sort(order);
+    std::vector<BlocksOfMesh> sorted;
+    for (const auto& [code, i] : order) sorted.push_back(std::move(meshes[i]));
+    meshes = std::move(sorted);
+}
+
+} // namespace
+
+// Keys: the mesh's place in the order of sort_by_place() in the high bits, Morton code in the low bits.
 std::shared_ptr<const ColliderTree::Topology>
 ColliderTree::build_topology(const MarramFrame& frame, const Eigen::AlignedBox3d& query_bounds) {
     auto topology = std::make_shared<Topology>();
-    std::vector<uint64_t> keys; // of blocks, then of each level of nodes
+    std::vector<BlocksOfMesh> meshes;
     Eigen::AlignedBox3f box;
     for (uint32_t m = 0; m < frame.mesh_count; ++m) {
         if ((frame.meshes[m].roles & MARRAM_COLLIDES) == 0) continue;
-        const TriangleBlocks part = triangle_blocks(frame.meshes[m], query_bounds);
+        TriangleBlocks blocks = triangle_blocks(frame.meshes[m], query_bounds);
+        if (blocks.blocks.empty()) continue;
+        box.extend(blocks.box);
+        meshes.push_back({m, std::move(blocks)});
+    }
+    if (meshes.size() > 1) sort_by_place(meshes, box);
+    std::vector<uint64_t> keys; // of blocks, then of each level of nodes
+    for (size_t i = 0; i < meshes.size(); ++i) {
+        const TriangleBlocks& part = meshes[i].blocks;
         const auto base = uint32_t(topology->runs.size());
         topology->runs.insert(topology->runs.end(), part.runs.begin(), part.runs.end());
         for (const TriangleBlock& block : part.blocks) {
-            topology->blocks.push_back({m, base + block.first, base + block.end});
-            keys.push_back(uint64_t(m) << 32 | block.code);
+            topology->blocks.push_back({meshes[i].mesh, base + block.first, base + block.end});
+            keys.push_back(uint64_t(i) << 32 | block.code);
         }
-        if (!part.blocks.empty()) box.extend(part.box);
     }
     // The centre of the triangles within the query bounds. A ground plane that is miles wide must not move it
     // far away, which would cost accuracy.

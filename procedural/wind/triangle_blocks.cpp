@@ -111,13 +111,6 @@ bool is_finite_and_in_reach(const MarramMesh& mesh, size_t triangle, const Box& 
     return touches;
 }
 
-uint32_t spread_bits(uint32_t x) { // abc -> a00b00c
-    x = (x | x << 16) & 0x030000ffU;
-    x = (x | x << 8) & 0x0300f00fU;
-    x = (x | x << 4) & 0x030c30c3U;
-    return (x | x << 2) & 0x09249249U;
-}
-
 // Grid whose cells hold about cell_holds triangles each, if the mesh is a surface.
 class TriangleGrid {
   public:
@@ -149,8 +142,7 @@ class TriangleGrid {
     }
     uint32_t code(const Cell& cell) const {
         const int up = axis_bits - bits_;
-        return spread_bits(cell.at[0] << up) | spread_bits(cell.at[1] << up) << 1 |
-               spread_bits(cell.at[2] << up) << 2;
+        return morton_code(cell.at[0] << up, cell.at[1] << up, cell.at[2] << up);
     }
 
   private:

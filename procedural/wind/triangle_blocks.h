@@ -15,6 +15,17 @@ namespace marram {
 
 inline constexpr uint32_t block_most = 64; // triangles
 
+// The Morton code of a cell, from the lowest ten bits of each of its indices.
+inline uint32_t morton_code(uint32_t x, uint32_t y, uint32_t z) {
+    const auto spread_bits = [](uint32_t i) { // abc -> a00b00c
+        i = (i | i << 16) & 0x030000ffU;
+        i = (i | i << 8) & 0x0300f00fU;
+        i = (i | i << 4) & 0x030c30c3U;
+        return (i | i << 2) & 0x09249249U;
+    };
+    return spread_bits(x) | spread_bits(y) << 1 | spread_bits(z) << 2;
+}
+
 struct TriangleRun {
     uint32_t first, count;
 };

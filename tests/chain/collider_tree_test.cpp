@@ -6,6 +6,7 @@
 #include "core/geometry/mesh.h"
 #include "core/math/hash.h"
 #include "procedural/wind/colliders.h"
+#include "procedural/wind/near.h"
 
 #include <gtest/gtest.h>
 
@@ -127,6 +128,39 @@ TEST(ColliderTree, names_every_triangle_that_is_near) {
             const ColliderTree tree(lent.frame, everywhere(), 0);
             check(lent, tree, 0, size, 4000);
         }
+    }
+}
+
+// Meshes are sorted by place, so an index in the tree is not the one in the frame.
+TEST(ColliderTree, knows_many_meshes_in_any_order) {
+    Random random;
+    Lent lent;
+    for (int i = 0; i < 300; ++i)
+        lent.meshes.push_back(
+            soup(1 + random.below(100), 0.05, random.in_ball().cwiseProduct(Vec3d(1, 0, 1))));
+    lent.finish(1);
+    const ColliderTree tree(lent.frame, everywhere(), 0);
+    check(lent, tree, 0, 0.05, 4000);
+}
+
+// From the centre all of a sphere is equally far: the search keeps more than a stack of nodes would hold.
+TEST(ColliderTree, finds_the_closest_of_many_that_are_equally_far) {
+    Lent lent;
+    lent.meshes = {sphere_mesh(1.0F, 160, 0.0F, 1.0F)};
+    lent.finish(1);
+    Colliders colliders;
+    colliders.lent = lent.frame.meshes;
+    colliders.meshes = {lent.frame.meshes};
+    colliders.tree = std::make_shared<ColliderTree>(lent.frame, everywhere(), 0);
+    Random random;
+    for (int i = 0; i < 20; ++i) {
+        const Vec3d p = i == 0 ? Vec3d(Vec3d::Zero()) : Vec3d(random.in_ball() * std::pow(10.0, -i / 3.0));
+        double least = infinity;
+        for (uint32_t t = 0; t < lent.lent[0].triangle_count; ++t)
+            least = std::min(least, (nearest_point(colliders.corners(lent.lent[0], t), p) - p).norm());
+        const NearestTriangle found = nearest_triangle(colliders, p, 2.0);
+        ASSERT_NE(found.mesh, nullptr);
+        EXPECT_EQ(found.distance, least);
     }
 }
 

@@ -150,14 +150,9 @@ void find_skin(ImportInstance& instance) {
         throw SceneFault("strands.no_mesh", settings.mesh_place,
                          "there is no mesh '" + settings.mesh + "' to bind strands to",
                          "name one of the scene's");
-    const auto instance_of = uint32_t(instance.mesh - instance.meshes.data()) + 1; // of its instances
-    const auto instances = std::ranges::count(instance.meshes, instance_of, &MarramMesh::instance_of);
-    if (instances > 0)
-        instance.warn("strands.instances",
-                      fmt::format("the {} instances of '{}' get no strands: only grooms grow on instances",
-                                  instances, settings.mesh),
-                      "write a mesh and strands for each of them");
 }
+
+constexpr size_t max_patches = std::numeric_limits<uint32_t>::max();
 
 void find_strands(ImportInstance& instance) {
     const ImportSettings& settings = instance.settings;
@@ -326,7 +321,9 @@ MarramStatus travel_of(const ImportInstance& instance, double& travel) {
 }
 
 void announce_long_work(ImportInstance& instance, int64_t past_samples) {
-    const auto strands = double(instance.curves.count()), cvs = double(instance.curves.cv_count());
+    const auto copies = double(instance.mesh_instances.size());
+    const double strands = copies * double(instance.curves.count()),
+                 cvs = copies * double(instance.curves.cv_count());
     LongWork work;
     work.cvs = strands > 0.0 ? cvs * std::max(lanes / strands, 1.0) : 0.0; // few strands leave lanes idle
     work.cvs_per_strand = strands > 0.0 ? cvs / strands : 0.0;
@@ -348,12 +345,25 @@ MarramStatus read_jiggle_past(ImportInstance& instance) {
     if (instance.curves.curves.moves)
         if (const MarramStatus status = travel_of(instance, travel); status != MARRAM_OK) return status;
     const double length = instance.longest + 0.5 * travel;
-    if (instance.mesh)
+    if (instance.mesh) {
+        double instance_travel = 0.0;
+        if (const MarramStatus status = measure_travel(frame, instance.mesh_instances, instance_travel);
+            status != MARRAM_OK)
+            return status;
         return read_past(frame, uint32_t(instance.mesh - instance.meshes.data()), jiggle, length,
-                         instance.past, 0.0, [&](int64_t samples) { announce_long_work(instance, samples); });
+                         instance.past, instance_travel,
+                         [&](int64_t samples) { announce_long_work(instance, samples); });
+    }
     instance.past.window = jiggle_window(jiggle, std::span(frame.times, frame.time_count), frame.fps,
                                          2.0 * length, frame.tolerance);
     return MARRAM_OK;
+}
+
+// Places the mesh's instances at the past samples of jiggle. Sets `moved` if one was elsewhere.
+MarramStatus sample_instances_past(ImportInstance& instance, bool& moved) {
+    if (!instance.mesh || instance.past.window.count() == 0) return MARRAM_OK;
+    return sample_past_transforms(instance.frame, *instance.wind.jiggle, instance.past.window,
+                                  instance.mesh_instances, moved);
 }
 
 // A few strands of the most frequent CV count, for choosing the step of jiggle.
@@ -412,7 +422,12 @@ MarramStatus choose(ImportInstance& instance) {
             if (frame.stage == MARRAM_FINAL) {
                 if (const MarramStatus status = read_jiggle_past(instance); status != MARRAM_OK)
                     return status;
-                const bool moves = instance.past.moves() || instance.curves.curves.moves != 0;
+                bool instances_moved = false;
+                if (const MarramStatus status = sample_instances_past(instance, instances_moved);
+                    status != MARRAM_OK)
+                    return status;
+                const bool moves =
+                    instance.past.moves() || instances_moved || instance.curves.curves.moves != 0;
                 const Choice choice = jiggle_step_for(pilot_of(instance, tolerance), moves);
                 wind.jiggle->step = choice.value;
                 if (!choice.enough) add("wind.jiggle.step = " + std::to_string(choice.value));
@@ -427,7 +442,7 @@ MarramStatus choose(ImportInstance& instance) {
 
 bool strands_move(const ImportInstance& instance) {
     const bool blown = instance.frame.stage != MARRAM_REST;
-    return (instance.mesh && instance.mesh->time_count > 1) || instance.curves.curves.time_count > 1 ||
+    return instance.moves() ||
            (blown && (wind_moves(instance.wind) || moving_meshes_matter(instance.wind, instance.frame)));
 }
 
@@ -452,16 +467,30 @@ MarramStatus begin_import(MarramInstance* opaque, const MarramFrame* frame, Marr
         check_still_bound(instance);
         if (const MarramStatus status = rebind_if_changed(instance); status != MARRAM_OK) return status;
         check_widths(instance);
-        instance.longest = longest_in_frame(instance);
-        MarramStatus status = set_gust_plane_once(instance.host, instance.frame, instance.bind_box,
-                                                  instance.wind, instance.gust_start);
+        MarramStatus status = MARRAM_OK;
+        instance.mesh_instances.assign(1, MeshInstance{instance.mesh});
+        if (instance.mesh)
+            status = find_mesh_instances(instance.frame, *instance.mesh, instance.mesh_instances);
+        if (status != MARRAM_OK) return status;
+        if (instance.mesh_instances.size() > max_patches / std::max<size_t>(instance.patches.size(), 1))
+            throw SceneFault("strands.too_many", instance.settings.curves_place,
+                             fmt::format("{} strands on {} meshes are too many", instance.curves.count(),
+                                         instance.mesh_instances.size()),
+                             "write fewer instances");
+        instance.longest =
+            longest_in_frame(instance) * std::max(max_instance_scale(instance.mesh_instances), 1.0);
+        status = set_gust_plane_once(instance.host, instance.frame, instance.bind_box, instance.wind,
+                                     instance.gust_start);
         if (status == MARRAM_OK) status = choose(instance);
         if (status == MARRAM_OK) status = read_jiggle_past(instance);
         if (status != MARRAM_OK) return status;
-        bool moves = strands_move(instance);
+        bool moves = strands_move(instance), instances_moved = false;
+        status = sample_instances_past(instance, instances_moved);
+        if (status != MARRAM_OK) return status;
         if (instance.past.window.count() > 0) {
             // Without motion there is no jiggle.
-            if (instance.past.moves() || instance.curves.curves.moves || wind_moves(instance.wind))
+            if (instance.past.moves() || instances_moved || instance.curves.curves.moves ||
+                wind_moves(instance.wind))
                 moves = true;
             else
                 instance.past = {};
@@ -488,7 +517,7 @@ MarramStatus begin_import(MarramInstance* opaque, const MarramFrame* frame, Marr
         const MarramCurves& lent = instance.curves.curves;
         MarramOutput output{};
         output.kind = MARRAM_CURVES;
-        output.curve_count = lent.curve_count;
+        output.curve_count = instance.mesh_instances.size() * lent.curve_count;
         output.cvs_per_curve = lent.offsets ? 0 : lent.cvs_per_curve;
         output.offsets = lent.offsets;
         if (lent.offsets && lent.curve_count > 0) { // a fixed CV count is faster to trace
@@ -501,7 +530,15 @@ MarramStatus begin_import(MarramInstance* opaque, const MarramFrame* frame, Marr
             }
         }
         if (lent.curve_count == 0) output.cvs_per_curve = 2;
-        output.patch_count = uint32_t(instance.patches.size());
+        instance.offsets.clear();
+        if (output.offsets && instance.mesh_instances.size() > 1) {
+            for (size_t i = 0; i < instance.mesh_instances.size(); ++i)
+                for (uint64_t c = 0; c < lent.curve_count; ++c)
+                    instance.offsets.push_back(i * instance.curves.cv_count() + lent.offsets[c]);
+            instance.offsets.push_back(instance.mesh_instances.size() * instance.curves.cv_count());
+            output.offsets = instance.offsets.data();
+        }
+        output.patch_count = instance.patch_count();
         output.time_count = instance.time_count;
         output.basis = instance.basis;
         output.shape = instance.settings.shape;
@@ -513,10 +550,10 @@ MarramStatus begin_import(MarramInstance* opaque, const MarramFrame* frame, Marr
 
 void check_import_patch(const ImportInstance& instance, uint32_t index) {
     if (!instance.begun) throw SceneFault("contract.no_frame", "", "no frame has begun", "call begin first");
-    if (index >= instance.patches.size())
+    if (index >= instance.patch_count())
         throw SceneFault("contract.patch_range", "", "there is no patch " + std::to_string(index),
                          "ask for one below MarramOutput.patch_count, " +
-                             std::to_string(instance.patches.size()));
+                             std::to_string(instance.patch_count()));
 }
 
 MarramStatus patch_of_import(MarramInstance* opaque, uint32_t index, MarramPatch* out) {
@@ -541,15 +578,18 @@ MarramStatus tessellate_import(MarramInstance* opaque, uint32_t index, const Mar
         check_buffers(buffers, instance.time_count, instance.settings.shape == MARRAM_ORIENTED_RIBBON,
                       instance.attributes.size());
         Worker& worker = instance.workers.local();
-        const ImportPatch& patch = instance.patches[index];
+        const ImportPatchOnMesh on = instance.patch_at(index);
+        const ImportPatch& patch = on.patch;
         Strands& strands = worker.strands;
+        strands.instance = on.mesh_instance.is_instance ? on.mesh_instance.mesh : nullptr;
         strands.has_wind_share = !instance.settings.wind_by.empty();
         strands.irregular = true;
         const uint32_t rest_time_count =
             std::max(instance.mesh ? instance.mesh->time_count : 1U, instance.curves.curves.time_count);
         for (const auto& run : patch.runs) {
             const std::span curves(patch.order.data() + run[0], run[1] - run[0]);
-            const ImportBatch batch{instance, patch, curves, instance.curves.cvs(patch.first + curves[0])};
+            const ImportBatch batch{instance, patch, on.mesh_instance, curves,
+                                    instance.curves.cvs(patch.first + curves[0])};
             strands.resize(int(curves.size()), int(batch.cvs),
                            instance.settings.shape == MARRAM_ORIENTED_RIBBON);
             const RestStrandSource rest_strands = imported_rest_strands(batch, worker.chain.clock);
@@ -557,7 +597,7 @@ MarramStatus tessellate_import(MarramInstance* opaque, uint32_t index, const Mar
                 jiggle_patch(instance.chain, rest_strands, strands, worker.chain);
             for (uint32_t time = 0; time < instance.time_count; ++time) {
                 // If skin and curves are static, later motion samples reuse the rest strands.
-                if (time < rest_time_count) rest_strands.at_time(time, strands);
+                if (time < rest_time_count || on.mesh_instance.moves()) rest_strands.at_time(time, strands);
                 run_chain(instance.chain, time, strands, worker.chain);
                 const StageTimer timer(worker.chain.clock.write);
                 write_import_vertices(batch, strands, buffers->vertices[time]);
@@ -599,7 +639,16 @@ void report_import(MarramInstance* opaque, void (*sink)(void*, const char*, doub
                 (instance.bind_positions.capacity() + instance.bind_normals.capacity() +
                  instance.bind_vertices.capacity()) *
                     sizeof(float) +
-                instance.past.bytes() + instance.trees.bytes() + instance.chain.gust_bytes() + scratch));
+                instance.past.bytes() + instance.trees.bytes() + instance.chain.gust_bytes() + scratch +
+                instance.offsets.capacity() * sizeof(uint64_t)));
+    if (instance.mesh_instances.size() < 2) return;
+    sink(user, "instances.count", double(instance.mesh_instances.size() - 1));
+    sink(user, "instances.shared_bytes",
+         double(binding.root_bindings.capacity() * sizeof(RootBinding) + lists +
+                (instance.bind_positions.capacity() + instance.bind_normals.capacity() +
+                 instance.bind_vertices.capacity()) *
+                    sizeof(float) +
+                instance.past.bytes()));
 }
 
 void destroy_import(MarramInstance* opaque) {

@@ -4,9 +4,12 @@
 
 #include "procedural/groom/binding.h"
 #include "procedural/groom/imported_settings.h"
+#include "procedural/groom/mesh_instances.h"
 #include "procedural/groom/past.h"
 #include "procedural/groom/strand_calls.h"
 
+#include <algorithm>
+#include <array>
 #include <optional>
 #include <string>
 #include <vector>
@@ -20,6 +23,13 @@ struct ImportPatch {
         max_radius;              // m, in the bind pose: longest strand, longest segment, greatest radius
     std::vector<uint32_t> order; // curves relative to `first`, sorted by CV count
     std::vector<std::array<uint32_t, 2>> runs; // ranges of `order` with equal CV count
+};
+
+// The curves of a patch on one mesh instance.
+struct ImportPatchOnMesh {
+    const ImportPatch& patch;
+    const MeshInstance& mesh_instance;
+    uint64_t first_curve; // in the output
 };
 
 struct ImportInstance {
@@ -50,6 +60,8 @@ struct ImportInstance {
     MarramFrame frame{};
     std::vector<MarramMesh> meshes; // the frame's
     const MarramMesh* mesh = nullptr;
+    std::vector<MeshInstance> mesh_instances; // the mesh and its instances; one if strands are not bound
+    std::vector<uint64_t> offsets;            // of the output, if there are instances and CV counts differ
     LentCurves curves;
     MarramBasis basis = MARRAM_CATMULL_ROM;
     uint32_t time_count = 1;
@@ -61,6 +73,18 @@ struct ImportInstance {
 
     void warn(const char* id, const std::string& what, const std::string& remedy) const {
         send(host, MARRAM_WARNING, id, settings.curves_place, what, remedy);
+    }
+    uint32_t patch_count() const { return uint32_t(mesh_instances.size() * patches.size()); }
+    // Patches are grouped by mesh instance.
+    ImportPatchOnMesh patch_at(uint32_t index) const {
+        const size_t on = index / patches.size();
+        const ImportPatch& patch = patches[index % patches.size()];
+        return {patch, mesh_instances[on], on * curves.count() + patch.first};
+    }
+    bool moves() const { // at rest, within the shutter
+        return (mesh && mesh->time_count > 1) || curves.curves.time_count > 1 ||
+               std::any_of(mesh_instances.begin(), mesh_instances.end(),
+                           [](const MeshInstance& mesh_instance) { return mesh_instance.moves(); });
     }
     const float* vertices(uint32_t time) const { // of the curves, as in the file
         return curves.curves.vertices[std::min(time, curves.curves.time_count - 1)];

@@ -20,6 +20,7 @@ std::vector<MarramAttribute> import_attribute_list(const ImportSettings& setting
 struct ImportBatch {
     const ImportInstance& instance;
     const ImportPatch& patch;
+    const MeshInstance& mesh_instance;
     std::span<const uint32_t> curves; // relative to the patch
     uint32_t cvs;
 

@@ -264,11 +264,13 @@ double max_radius_of(const ImportSettings& settings, double of_file) {
     return 0.5 * *settings.width * settings.width_scale * *std::ranges::max_element(shares);
 }
 
-// Greatest distance of any part of a strand from its root: see groom_bounds.cpp.
-double import_reach(const ImportInstance& instance, double longest, double longest_segment, double max_radius,
-                    double max_coordinate) {
-    const double radius = max_radius_of(instance.settings, max_radius);
-    const double overshoot = instance.basis == MARRAM_CATMULL_ROM ? longest_segment / 3.0 : 0.0;
+// Greatest distance of any part of a strand from its root: see groom_bounds.cpp. `scale`: of the mesh's
+// instance; the sizes are those on the mesh.
+double import_reach(const ImportInstance& instance, double longest_on_mesh, double longest_segment,
+                    double max_radius, double scale, double max_coordinate) {
+    const double longest = scale * longest_on_mesh;
+    const double radius = scale * max_radius_of(instance.settings, max_radius);
+    const double overshoot = instance.basis == MARRAM_CATMULL_ROM ? scale * longest_segment / 3.0 : 0.0;
     double offset = 0.0, clearance = 0.0;
     if (const auto& collision = instance.wind.collision) {
         offset = root_offset(*collision, longest, radius);
@@ -283,9 +285,10 @@ double import_reach(const ImportInstance& instance, double longest, double longe
 // The box of the feet (closest points on the skin), grown by the reach. A root is at most max_foot_distance
 // from its foot, and raising moves it by at most that plus root_offset; hence reach + 2 max_foot_distance.
 void import_patch_bounds(const ImportInstance& instance, uint32_t index, MarramPatch* out) {
-    const ImportPatch& patch = instance.patches[index];
+    const ImportPatchOnMesh on = instance.patch_at(index);
+    const ImportPatch& patch = on.patch;
     const LentCurves& lent = instance.curves;
-    out->first_curve = patch.first;
+    out->first_curve = on.first_curve;
     out->curve_count = uint32_t(patch.count);
     Eigen::AlignedBox3d box;
     double longest = patch.longest, segment = patch.longest_segment, max_radius = patch.max_radius;
@@ -299,7 +302,8 @@ void import_patch_bounds(const ImportInstance& instance, uint32_t index, MarramP
         }
     if (moves) segment = longest;
     double max_foot_distance = 0.0;
-    for (uint32_t t = 0; t < instance.time_count; ++t)
+    for (uint32_t t = 0; t < instance.time_count; ++t) {
+        const Eigen::Affine3d& transform = on.mesh_instance.transform(t);
         for (uint64_t c = patch.first; c < patch.first + patch.count; ++c) {
             const Vec3d root =
                 cv_at((moves ? instance.vertices(t) : instance.bind_pose()) + 4 * (lent.first_vertex(c) + 1));
@@ -310,14 +314,17 @@ void import_patch_bounds(const ImportInstance& instance, uint32_t index, MarramP
             // Rigid transforms keep the distance between a root and its foot.
             const RootBinding& root_binding = instance.binding.root_bindings[c];
             const Vec3d foot = instance.surface(t).point(root_binding.triangle, root_binding.weights);
-            box.extend(foot);
-            if (moves) box.extend(root);
+            box.extend(on.mesh_instance.is_instance ? Vec3d(transform * foot) : foot);
+            if (moves) box.extend(on.mesh_instance.is_instance ? Vec3d(transform * root) : root);
             max_foot_distance =
                 std::max(max_foot_distance, moves ? (root - foot).norm() : double(root_binding.distance));
         }
+    }
     const double max_coordinate = std::max(box.min().cwiseAbs().maxCoeff(), box.max().cwiseAbs().maxCoeff());
-    const double reach =
-        import_reach(instance, longest, segment, max_radius, max_coordinate) + 2.0 * max_foot_distance;
+    // At least 1: clearances do not shrink with instances.
+    const double scale = std::max(max_instance_scale(std::span(&on.mesh_instance, 1)), 1.0);
+    const double reach = import_reach(instance, longest, segment, max_radius, scale, max_coordinate) +
+                         2.0 * scale * max_foot_distance;
     for (int axis = 0; axis < 3; ++axis) {
         out->lower[axis] = float(box.min()[axis] - reach);
         out->upper[axis] = float(box.max()[axis] + reach);
@@ -326,7 +333,7 @@ void import_patch_bounds(const ImportInstance& instance, uint32_t index, MarramP
 
 Eigen::AlignedBox3d bounds_of_import(const ImportInstance& instance) {
     return marram::parallel_reduce(
-        tbb::blocked_range<uint32_t>(0, uint32_t(instance.patches.size())), Eigen::AlignedBox3d(),
+        tbb::blocked_range<uint32_t>(0, instance.patch_count()), Eigen::AlignedBox3d(),
         [&](const tbb::blocked_range<uint32_t>& range, Eigen::AlignedBox3d box) {
             for (uint32_t i = range.begin(); i < range.end(); ++i) {
                 MarramPatch patch{};

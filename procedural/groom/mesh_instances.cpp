@@ -122,10 +122,12 @@ struct WideMap {
 
 } // namespace
 
-void transform_strands(const Eigen::Affine3d& transform, const Eigen::Affine3d& noise_transform,
-                       Strands& strands) {
+void transform_strands(const MeshInstance& mesh_instance, const Eigen::Affine3d& transform,
+                       bool noise_at_bind_frame, Strands& strands) {
+    if (!mesh_instance.is_instance) return;
     const double scale = uniform_scale(transform);
-    const WideMap map(transform), noise_map(noise_transform);
+    const WideMap map(transform),
+        noise_map(noise_at_bind_frame ? mesh_instance.transform_at_bind : transform);
     Eigen::Affine3d unscaled = transform; // normals keep their length and, if mirrored, their side
     unscaled.linear() /= scale;
     const WideMap unscaled_map(unscaled);
@@ -134,6 +136,7 @@ void transform_strands(const Eigen::Affine3d& transform, const Eigen::Affine3d& 
     for (Wide3d& origin : strands.noise_origin) origin = noise_map(origin);
     for (Wide3d& normal : strands.root_normal) normal = unscaled_map.direction(normal);
     for (VDouble& width : strands.width) width = width * splat(scale);
+    for (VFloat& radius : strands.radius) radius = radius * splat_float(float(scale));
 }
 
 } // namespace marram

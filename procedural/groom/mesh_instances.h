@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The meshes on which a groom grows: its mesh and each instance of it. Roots, guides and the settings chosen by
-// the tolerance are computed once. A strand of an instance is laid out on the mesh and transformed to the
+// The meshes on which a groom grows, or to which imported strands are bound: their mesh and each instance of it.
+// Roots, guides, bindings and the settings chosen by the tolerance are computed once. A strand of an instance is laid out on the mesh and transformed to the
 // instance; from then on it is an independent strand in the wind at its own position. Lengths, widths and
 // heights above the skin scale with the instance.
 #pragma once
@@ -28,6 +28,10 @@ struct MeshInstance {
         return transforms[std::min<size_t>(time, transforms.size() - 1)];
     }
     bool moves() const { return transforms.size() > 1; }
+    // past_sample: relative to the first of the jiggle's window.
+    const Eigen::Affine3d& past_transform(size_t past_sample) const {
+        return is_instance ? past_transforms[past_sample] : transforms[0];
+    }
 };
 
 // The uniform scale of a transform, and the greatest one of all mesh instances. Transforms are similarities, as
@@ -55,8 +59,9 @@ MarramStatus sample_past_transforms(const MarramFrame& frame, const Jiggle& jigg
                                     const JiggleWindow& window, std::span<MeshInstance> mesh_instances,
                                     bool& moved);
 
-// Transforms rest strands. `noise_transform`: of the points at which noise is sampled.
-void transform_strands(const Eigen::Affine3d& transform, const Eigen::Affine3d& noise_transform,
-                       Strands& strands);
+// Takes rest strands from the mesh to an instance, whose transform this is. The mesh itself: does nothing.
+// noise_at_bind_frame: noise is sampled where the strands are at the bind frame.
+void transform_strands(const MeshInstance& mesh_instance, const Eigen::Affine3d& transform,
+                       bool noise_at_bind_frame, Strands& strands);
 
 } // namespace marram

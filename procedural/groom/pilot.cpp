@@ -78,7 +78,7 @@ double polygon_error(const WideVector<Wide3f>& coarse, const WideVector<Wide3f>&
 void scale_strands(Strands& strands, double scale) {
     if (scale == 1.0) return;
     const Eigen::Affine3d scaling(Eigen::Scaling(scale));
-    transform_strands(scaling, scaling, strands);
+    transform_strands({nullptr, true, scaling}, scaling, false, strands);
 }
 
 void bend_sample(const PilotGroom& pilot, const RootSample& some, double frame, int cvs, Strands& strands) {

@@ -2,28 +2,16 @@
 #include "procedural/groom/rest_strands.h"
 
 namespace marram {
-namespace {
-
-void transform_by(const GroomInstance& instance, const MeshInstance& mesh_instance,
-                  const Eigen::Affine3d& transform, Strands& strands) {
-    if (!mesh_instance.is_instance) return;
-    transform_strands(
-        transform, instance.wind.noise_at_bind_frame ? mesh_instance.transform_at_bind : transform, strands);
-}
-
-} // namespace
-
 void transform_to_instance(const GroomInstance& instance, const MeshInstance& mesh_instance, uint32_t time,
                            Strands& strands) {
-    transform_by(instance, mesh_instance, mesh_instance.transform(time), strands);
+    transform_strands(mesh_instance, mesh_instance.transform(time), instance.wind.noise_at_bind_frame,
+                      strands);
 }
 
 RestStrandSource rest_strand_source(const GroomInstance& instance, const MeshInstance& mesh_instance,
                                     LayOutStrands lay_out, StageClock* clock) {
     const auto transform_at = [&instance, &mesh_instance](int64_t past_sample) -> const Eigen::Affine3d& {
-        return mesh_instance.is_instance
-                   ? mesh_instance.past_transforms[size_t(past_sample - instance.past.window.first)]
-                   : mesh_instance.transforms[0];
+        return mesh_instance.past_transform(size_t(past_sample - instance.past.window.first));
     };
     return {[&instance, &mesh_instance, lay_out, clock](uint32_t time, Strands& strands) {
                 StageClock not_measured;
@@ -35,7 +23,8 @@ RestStrandSource rest_strand_source(const GroomInstance& instance, const MeshIns
                 Surface then = instance.past.at(past_sample, *instance.mesh);
                 then.attributes = instance.attributes;
                 lay_out(then, strands);
-                transform_by(instance, mesh_instance, transform_at(past_sample), strands);
+                transform_strands(mesh_instance, transform_at(past_sample), instance.wind.noise_at_bind_frame,
+                                  strands);
             },
             [&instance, transform_at](int64_t past_sample) {
                 return instance.past.unchanged_at(past_sample) &&

@@ -86,6 +86,92 @@ TEST(Strands, AtRestAreTheFilesCurvesToTheBit) {
     }
 }
 
+// Distances between the vertices of curves [first, first + file.count()) and those of the file moved by
+// `placed`, the greatest over all motion samples; radii scale, too.
+double farthest(const CurveGeometry& made, size_t first, const std::vector<float>& expected,
+                const Eigen::Affine3d& placed, uint32_t time) {
+    const double scale = std::cbrt(placed.linear().determinant());
+    const float* v = made.vertices[time] + 4 * (made.offsets[first] + 2 * first);
+    double most = 0.0;
+    for (size_t i = 0; i < expected.size(); i += 4) {
+        most = std::max(most, (point(v + i) - placed * point(expected.data() + i)).norm());
+        most = std::max(most, std::abs(double(v[i + 3]) - scale * double(expected[i + 3])));
+    }
+    return most;
+}
+
+Eigen::Affine3d there() { // the transform of the instance below
+    Eigen::Affine3d placed = Eigen::Affine3d::Identity();
+    placed.translate(Vec3d(5, 1, -3));
+    placed.rotate(Eigen::AngleAxisd(0.5 * pi, Vec3d::UnitY()));
+    placed.scale(2.0);
+    return placed;
+}
+const std::string with_instance = "instances = [{ transform = { rotate = [0, 90, 0], scale = [2, 2, 2], "
+                                  "translate = [5, 1, -3] } }]\n";
+
+TEST(Strands, GrowOnInstancesOfTheirMesh) {
+    TestScene scene(mesh("ground", "plane", "size = [4, 4]\ndivisions = 7\n" + with_instance) + drawn +
+                    strands("on = \"ground\"\n"));
+    scene.geometry.curves[0] = irregular_curves(1000, on_ground);
+    const SceneCurves& file = scene.geometry.curves[0];
+    scene.settings.attributes = {"id", "root_normal"};
+    const World world = scene.build();
+    const CurveGeometry& made = world.curves[0];
+    ASSERT_EQ(made.curve_count, 2000u);
+    EXPECT_EQ(std::memcmp(made.vertices[0], file.vertices.data(), file.vertices.size() * sizeof(float)), 0);
+    EXPECT_LT(farthest(made, 1000, file.vertices, there(), 0), 2e-6);
+    const std::vector<float>& id = attribute(made, "id")->values;
+    for (size_t c = 0; c < 1000; ++c) ASSERT_EQ(id[c], id[1000 + c]);
+    EXPECT_EQ(scene.stats.report("instances.count"), 1.0);
+    EXPECT_GT(scene.stats.report("instances.shared_bytes"), 1000.0);
+}
+
+// As strands of another file, bound to a mesh that stands there itself: blown, sheltered, swung and collided,
+// on an instance that moves within the shutter, too.
+TEST(Strands, OnInstancesStandInTheWindOfTheirPlace) {
+    const std::string wind =
+        "\n[wind]\nspeed = 8\ncalm = 1\nnoise = { frequency = 1 }\nshielding = { shield = 1, spread = 10, "
+        "rays = 8 }\n"
+        "collision = { solver = \"exact\", offset_scale = 0.2 }\njiggle = { frequency = 3, step = 0.25 }\n"
+        "gusts = { num_gusts = 20, radius_range = [1, 2] }\n";
+    for (const char* moving :
+         {"translate = [5, 0, 0]", "keys = [{ frame = 1, translate = [4, 0, 0] }, { frame = "
+                                   "12, translate = [5, 0, 0] }, { frame = 14, translate "
+                                   "= [5.4, 0, 0] }]"}) {
+        const std::string ground = "size = [2, 2]\ndivisions = 7\n",
+                          transform = "transform = { " + std::string(moving) + " }";
+        const auto build = [&](TestScene& scene, const SceneCurves& curves) {
+            scene.geometry.curves[0] = curves;
+            scene.settings.frame = 12;
+            scene.settings.bind_frame = 12;
+            scene.settings.shutter_close = 0.5;
+            return scene.build();
+        };
+        SceneCurves curves = irregular_curves(300, on_ground);
+        TestScene with(wind + mesh("ground", "plane", ground + "instances = [{ " + transform + " }]\n") +
+                       drawn + strands("on = \"ground\"\n"));
+        const World world = build(with, curves);
+        ASSERT_EQ(world.curves[0].curve_count, 600u);
+        for (size_t i = 0; i < curves.vertices.size(); i += 4) curves.vertices[i] += 5.0F; // at bind_frame
+        TestScene alone(wind + mesh("other", "plane", ground) +
+                        mesh("ground", "plane", ground + transform + "\n") + drawn +
+                        strands("on = \"ground\"\n"));
+        const World other = build(alone, curves);
+        const CurveGeometry &made = world.curves[0], &expected = other.curves[0];
+        ASSERT_EQ(made.vertices.size(), expected.vertices.size());
+        ASSERT_GT(made.vertices.size(), 1u);
+        for (uint32_t t = 0; t < made.vertices.size(); ++t) {
+            const std::vector<float> one(expected.vertices[t], expected.vertices[t] + curves.vertices.size());
+            EXPECT_LT(farthest(made, 300, one, Eigen::Affine3d::Identity(), t), 3e-4)
+                << moving << " at " << t;
+            EXPECT_GT(farthest(made, 0, one, Eigen::Affine3d(Eigen::Translation3d(-5, 0, 0)), t), 0.01)
+                << "it is the wind of another place";
+        }
+        EXPECT_EQ(with.stats.report("collision.unresolved"), 0.0);
+    }
+}
+
 // The same strands, grown and imported: equal motion, except that roots stored as floats change the noise
 // slightly.
 TEST(Strands, AreBlownLikeGrownOnes) {

@@ -72,7 +72,8 @@ std::vector<Polyline> load_polylines(const std::string& file) {
     const std::string extension = extension_of(file);
     if (extension != ".obj" && extension != ".ply" && extension != ".usda")
         throw InputError({file}, fmt::format("curves of the type \"{}\" are not known", extension),
-                         "save them as .obj, .ply or .usda");
+                         extension == ".hair" ? "write type = \"strands\""
+                                              : "save them as .obj, .ply or .usda");
     const std::string bytes = read_bytes(file, ".obj, .ply or .usda");
     std::vector<Polyline> lines = extension == ".obj"   ? read_obj_polylines(file, bytes)
                                   : extension == ".ply" ? read_ply_polylines(file, bytes)

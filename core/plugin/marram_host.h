@@ -79,6 +79,10 @@ static inline MarramStatus marram_set_keys(MarramHostValues* values, const char*
  * read. Not copied: it must live until create() or update() has returned. placement may be NULL. */
 static inline MarramStatus marram_set_grid(MarramHostValues* values, const char* name, const MarramGrid* grid,
                                            const MarramPlacement* placement, const char* text);
+/* The name of curves, and the attributes that they have, without values: strands made from these curves have them,
+ * too. Not copied: see marram_set_grid(). */
+static inline MarramStatus marram_set_curves(MarramHostValues* values, const char* name, const char* curves,
+                                             const MarramAttribute* attributes, uint32_t attribute_count);
 /* Restores the default. */
 static inline void marram_reset(MarramHostValues* values, const char* name);
 /* Adds an element with defaults to a list: "wind.gusts.control", "layer". type: for a list whose elements
@@ -101,6 +105,8 @@ typedef struct MarramHostSetting {
     char *text, *place;
     const MarramGrid* grid;
     const MarramPlacement* placement;
+    const MarramAttribute* attributes;
+    uint32_t attribute_count;
 } MarramHostSetting;
 
 typedef struct MarramHostElement {
@@ -1112,6 +1118,16 @@ static inline MarramStatus marram_set_grid(MarramHostValues* values, const char*
     return MARRAM_OK;
 }
 
+static inline MarramStatus marram_set_curves(MarramHostValues* values, const char* name, const char* curves,
+                                             const MarramAttribute* attributes, uint32_t attribute_count) {
+    const MarramStatus status = marram_set_text(values, name, curves);
+    if (status != MARRAM_OK) return status;
+    MarramHostSetting* setting = marram_host_find_setting(values, name);
+    setting->attributes = attributes;
+    setting->attribute_count = attributes ? attribute_count : 0;
+    return MARRAM_OK;
+}
+
 static inline void marram_reset(MarramHostValues* values, const char* name) {
     MarramHostSetting* setting = values && name ? marram_host_find_setting(values, name) : NULL;
     if (values && name) marram_host_forget(values, name, 0);
@@ -1269,6 +1285,9 @@ static inline void marram_host_lend(const MarramHostSetting* setting, MarramValu
     out->grid = setting->grid;
     out->place = setting->place;
     out->placement = setting->placement;
+    out->attributes = setting->attributes;
+    out->attribute_count = setting->attribute_count;
+    out->attribute_stride = sizeof(MarramAttribute);
 }
 
 static inline const MarramValues* marram_values_finish(MarramHostValues* values, const MarramHost* host) {

@@ -429,6 +429,33 @@ TEST(HostValues, OfTypedElementsNeedTheirType) {
     EXPECT_TRUE(ripples.contains("layer[0].wavelength"));
 }
 
+TEST(HostValues, PassAttributesOfCurves) {
+    const auto library = own_library();
+    const ProceduralType& type = *library->find("strands");
+    MessageLog told;
+    const MarramHost host = told.host();
+    const HostValues values = host_values(type);
+    const MarramAttribute wet{"wet", 1, MARRAM_PER_CURVE, 0, "", nullptr, 0};
+    ASSERT_EQ(marram_set_curves(values.get(), "curves", "file", &wet, 1), MARRAM_OK);
+    EXPECT_EQ(marram_set_curves(values.get(), "width", "file", &wet, 1), MARRAM_ERROR); // keeps its default
+    ASSERT_EQ(marram_set(values.get(), "width", "0.001"), MARRAM_OK);
+    const MarramValues* all = marram_values_finish(values.get(), &host);
+    ASSERT_NE(all, nullptr);
+    MarramHost whole = host;
+    whole.cancelled = [](void*) { return 0; };
+    MarramInstance* strands = nullptr;
+    ASSERT_EQ(type.calls.create(&whole, all, &strands), MARRAM_OK);
+    MarramAttributeList list{};
+    list.size = sizeof list;
+    ASSERT_EQ(type.calls.attributes_of(strands, &list), MARRAM_OK);
+    bool found = false;
+    for (uint32_t i = 0; i < list.count; ++i)
+        found = found ||
+                std::string_view(MARRAM_AT(MarramAttribute, list.attributes, list.stride, i)->name) == "wet";
+    EXPECT_TRUE(found);
+    type.calls.destroy(strands);
+}
+
 // A type with items needs a reader of its own in marram_host.h.
 TEST(HostValues, ReadEveryTypeOfTheContract) {
     for (int type = 0; type < MARRAM_PARAM_TYPE_COUNT; ++type) {

@@ -28,6 +28,9 @@
 
 #include "marram_plugin.h"
 
+#if defined(__unix__) || defined(__APPLE__)
+#include <dlfcn.h>
+#endif
 #include <locale.h>
 #include <math.h>
 #include <stdarg.h>
@@ -48,6 +51,20 @@ typedef struct MarramHostValues MarramHostValues;
  * missing function. */
 static inline MarramStatus marram_find_procedural(const MarramLibrary* library, const char* name,
                                                   const MarramHost* host, MarramProcedural* out);
+
+#if defined(__unix__) || defined(__APPLE__)
+/* The same, after loading the library of this path, which stays loaded. */
+static inline MarramStatus marram_load_procedural(const char* path, const char* name, const MarramHost* host,
+                                                  MarramProcedural* out);
+#endif
+
+/* Simple callbacks of a MarramHost: prints messages to stderr; never cancels. */
+static inline void marram_print_message(void* user, const MarramMessage* message);
+static inline int marram_never_cancelled(void* user);
+
+/* A frame with the defaults of a marram scene, at the first of its motion samples: 24 frames a second, strands bound at
+ * frame 1, the whole chain, a tolerance of 1 mm. `times` is not copied. Set device, colliders, meshes and pose. */
+static inline MarramFrame marram_default_frame(const double* times, uint32_t time_count);
 
 /* Values with defaults only. The library must stay loaded. NULL: out of memory. */
 static inline MarramHostValues* marram_values_new(const MarramProcedural* type);
@@ -1436,6 +1453,51 @@ static inline MarramStatus marram_find_procedural(const MarramLibrary* library, 
     marram_host_say(host, "host.procedural", "", what,
                     nearest.best[0] ? remedy : "see `marram info` for what it has");
     return MARRAM_ERROR;
+}
+
+#if defined(__unix__) || defined(__APPLE__)
+static inline MarramStatus marram_load_procedural(const char* path, const char* name, const MarramHost* host,
+                                                  MarramProcedural* out) {
+    MarramLibraryFunction entry = NULL;
+    void* library = path ? dlopen(path, RTLD_NOW | RTLD_LOCAL) : NULL;
+    void* symbol = library ? dlsym(library, MARRAM_ENTRY_POINT) : NULL;
+    if (!symbol) {
+        const char* why = path ? dlerror() : "no path";
+        marram_host_say(host, "host.library", "", why ? why : "it has no procedurals",
+                        "give the path of a procedural library");
+        if (library) dlclose(library);
+        return MARRAM_ERROR;
+    }
+    memcpy(&entry, &symbol, sizeof entry); /* C has no cast from an object pointer to a function pointer */
+    return marram_find_procedural(entry(MARRAM_ABI_VERSION), name, host, out);
+}
+#endif
+
+static inline void marram_print_message(void* user, const MarramMessage* m) {
+    (void)user;
+    fprintf(stderr, "%s%s%s%s%s\n", m->place, *m->place ? ": " : "", m->what, *m->remedy ? ": " : "",
+            m->remedy);
+}
+
+static inline int marram_never_cancelled(void* user) {
+    (void)user;
+    return 0;
+}
+
+static inline MarramFrame marram_default_frame(const double* times, uint32_t time_count) {
+    MarramFrame frame;
+    memset(&frame, 0, sizeof frame);
+    frame.size = sizeof frame;
+    frame.fps = 24.0;
+    frame.frame = times[0];
+    frame.bind_frame = 1.0;
+    frame.time_count = time_count;
+    frame.times = times;
+    frame.stage = MARRAM_FINAL;
+    frame.tolerance = 1e-3;
+    frame.mesh_stride = sizeof(MarramMesh);
+    frame.curves_stride = sizeof(MarramCurves);
+    return frame;
 }
 
 #ifdef __cplusplus

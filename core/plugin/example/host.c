@@ -10,8 +10,6 @@
  */
 #include <marram/marram_host.h>
 
-#include <dlfcn.h>
-
 enum {
     width = 320,
     height = 180,
@@ -20,18 +18,8 @@ enum {
     spare_floats = 4 /* Embree reads beyond the end of buffers */
 };
 
-static void on_message(void* user, const MarramMessage* m) {
-    (void)user;
-    fprintf(stderr, "%s%s%s%s%s\n", m->place, *m->place ? ": " : "", m->what, *m->remedy ? ": " : "",
-            m->remedy);
-}
-
-static int on_cancelled(void* user) {
-    (void)user;
-    return 0;
-}
-
-static const MarramHost host = {.size = sizeof host, .message = on_message, .cancelled = on_cancelled};
+static const MarramHost host = {
+    .size = sizeof host, .message = marram_print_message, .cancelled = marram_never_cancelled};
 
 static void* check(void* pointer, const char* what) {
     if (!pointer) {
@@ -68,33 +56,25 @@ static RTCGeometry make_ground(RTCDevice device) {
 
 /* ---- The grass ---- */
 
-static MarramProcedural load_groom(const char* file) {
-    MarramProcedural groom;
-    MarramLibraryFunction entry = NULL;
-    void* library = dlopen(file, RTLD_NOW | RTLD_LOCAL); /* step 1; it stays loaded */
-    if (!library) fprintf(stderr, "%s\n", dlerror());
-    void* symbol = check(library ? dlsym(library, MARRAM_ENTRY_POINT) : NULL, "no procedural library");
-    memcpy(&entry, &symbol, sizeof entry); /* C has no cast from an object pointer to a function pointer */
-    ok(marram_find_procedural(entry(MARRAM_ABI_VERSION), "groom", &host, &groom));
-    return groom;
-}
-
 static MarramInstance* make_grass(const MarramProcedural* groom) {
+    static const char* const settings[][2] = {
+        {"on", "ground"},
+        {"count", "2000"},
+        {"length", "[0.15, 0.3]"},
+        {"width", "0.01"},
+        {"wind.direction", "[1, 0, 0.3]"},
+        {"wind.speed", "7"},
+        {"wind.global_rotate", "0.8"},
+        {"wind.gusts.num_gusts", "40"},
+        {"wind.gusts.radius_range", "[0.3, 1]"},
+        {"wind.gusts.control[0].transform", "{ translate = [0.5, 0, 0.5] }"},
+        {"wind.gusts.control[0].strength", "0.5"},
+        {"wind.jiggle.frequency", "2"},
+        {"wind.collision.solver", "exact"}};
     MarramInstance* grass = NULL;
     MarramHostValues* values = check(marram_values_new(groom), "out of memory"); /* step 2 */
-    marram_set(values, "on", "ground");
-    marram_set_number(values, "count", 2000);
-    marram_set(values, "length", "[0.15, 0.3]");
-    marram_set(values, "width", "0.01");
-    marram_set(values, "wind.direction", "[1, 0, 0.3]");
-    marram_set(values, "wind.speed", "7");
-    marram_set(values, "wind.global_rotate", "0.8");
-    marram_set(values, "wind.gusts.num_gusts", "40");
-    marram_set(values, "wind.gusts.radius_range", "[0.3, 1]");
-    marram_set(values, "wind.gusts.control[0].transform", "{ translate = [0.5, 0, 0.5] }");
-    marram_set(values, "wind.gusts.control[0].strength", "0.5");
-    marram_set(values, "wind.jiggle.frequency", "2");
-    marram_set(values, "wind.collision.solver", "exact");
+    for (size_t i = 0; i < sizeof settings / sizeof *settings; ++i)
+        marram_set(values, settings[i][0], settings[i][1]);
     const MarramValues* all = marram_values_finish(values, &host); /* step 3 */
     if (!all) exit(1);
     ok(groom->create(&host, all, &grass));
@@ -182,7 +162,8 @@ int main(int argc, char** argv) {
         return 2;
     }
     static const double time = 12.0; /* one motion sample: frame 12 */
-    const MarramProcedural groom = load_groom(PLUGIN);
+    MarramProcedural groom;
+    ok(marram_load_procedural(PLUGIN, "groom", &host, &groom)); /* step 1 */
     MarramInstance* grass = make_grass(&groom);
     RTCDevice device = check(rtcNewDevice(NULL), "no Embree device");
     RTCScene colliders = rtcNewScene(device), world = rtcNewScene(device);
@@ -197,20 +178,12 @@ int main(int argc, char** argv) {
                              .time_count = 1,
                              .positions = samples,
                              .triangles = triangles};
-    const MarramFrame frame = {.size = sizeof frame,
-                               .fps = 24,
-                               .frame = time,
-                               .bind_frame = 1,
-                               .time_count = 1,
-                               .times = &time,
-                               .stage = MARRAM_FINAL,
-                               .tolerance = 1e-3, /* the default of a marram scene */
-                               .device = device,
-                               .colliders = colliders,
-                               .meshes = &mesh,
-                               .mesh_count = 1,
-                               .mesh_stride = sizeof mesh,
-                               .pose = pose};
+    MarramFrame frame = marram_default_frame(&time, 1);
+    frame.device = device;
+    frame.colliders = colliders;
+    frame.meshes = &mesh;
+    frame.mesh_count = 1;
+    frame.pose = pose;
     MarramOutput output;
     float* vertices = make_curves(&groom, grass, &frame, &output);
     RTCGeometry hair = make_grass_geometry(device, &output, vertices); /* step 7 */

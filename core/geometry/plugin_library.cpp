@@ -18,7 +18,7 @@ namespace {
 // Empty if this program does not know the type.
 std::optional<ParamType> type_of(const MarramParam& param) {
     const MarramTypeForm* form = marram_type_form(param.type);
-    return form ? type_of_contract(form->name) : std::nullopt;
+    return form ? param_type_of(form->name) : std::nullopt;
 }
 
 bool is_known(const MarramParam& param) { return type_of(param).has_value(); }

@@ -20,7 +20,7 @@ namespace {
 
 std::string kind_of(const ParamSpec& spec) {
     if (spec.type == ParamType::choice) return spec.choices;
-    std::string kind(of(spec.type).kind);
+    std::string kind(row_of(spec.type).kind);
     if (spec.type == ParamType::reference) kind += " " + spec.choices;
     return kind;
 }

@@ -182,14 +182,14 @@ static_assert(in_order(), "a type of parameters has no row, or not in the order 
 
 } // namespace
 
-const ParamTypeRow& of(ParamType type) { return rows[size_t(type)]; }
+const ParamTypeRow& row_of(ParamType type) { return rows[size_t(type)]; }
 
-std::optional<ParamType> type_of_contract(std::string_view name) {
+std::optional<ParamType> param_type_of(std::string_view name) {
     const auto found = std::ranges::find(rows, name, &ParamTypeRow::contract_name);
     if (name.empty() || found == rows.end()) return {};
     return found->type;
 }
 
-std::string wanted(const ParamSpec& spec) { return of(spec.type).wanted(spec); }
+std::string wanted(const ParamSpec& spec) { return row_of(spec.type).wanted(spec); }
 
 } // namespace marram

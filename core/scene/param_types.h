@@ -23,10 +23,10 @@ struct ParamTypeRow {
     std::string (*wanted)(const ParamSpec& spec);
 };
 
-const ParamTypeRow& of(ParamType type);
+const ParamTypeRow& row_of(ParamType type);
 
 // Empty if the host has no type for this one of a procedural library.
-std::optional<ParamType> type_of_contract(std::string_view contract_name);
+std::optional<ParamType> param_type_of(std::string_view contract_name);
 
 // For messages, after "give": `a whole number from 1 to 64`, `[x, y, z], three numbers in m`.
 std::string wanted(const ParamSpec& spec);

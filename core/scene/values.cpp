@@ -18,7 +18,7 @@ toml::table default_table(const ParamSpec& spec) {
     constexpr std::string_view blanks = " \t\r\n";
     const size_t first = std::min(spec.initial.find_first_not_of(blanks), spec.initial.size());
     const std::string text = spec.initial.substr(first, spec.initial.find_last_not_of(blanks) + 1 - first);
-    const bool bare = of(spec.type).is_text && text.find_first_of("\"'") != 0;
+    const bool bare = row_of(spec.type).is_text && text.find_first_of("\"'") != 0;
     try {
         return toml::parse(bare ? fmt::format("value = '''{}'''", text) : "value = " + text);
     } catch (const toml::parse_error&) {
@@ -94,7 +94,7 @@ std::optional<ParamValue> read_value(const toml::node& node, const ParamSpec& sp
     value.spec = &spec;
     value.place = place_of(node, reading);
     value.given = true;
-    if (!of(spec.type).read(node, spec, label, value, reading)) return {};
+    if (!row_of(spec.type).read(node, spec, label, value, reading)) return {};
     return value;
 }
 

@@ -461,7 +461,7 @@ TEST(HostValues, ReadEveryTypeOfTheContract) {
     for (int type = 0; type < MARRAM_PARAM_TYPE_COUNT; ++type) {
         const MarramTypeForm& form = *marram_type_form(MarramParamType(type));
         ASSERT_NE(form.name, nullptr) << type;
-        EXPECT_TRUE(type_of_contract(form.name)) << form.name << ": not in core/scene/param_types.cpp";
+        EXPECT_TRUE(param_type_of(form.name)) << form.name << ": not in core/scene/param_types.cpp";
         if (form.components > 0 || type == MARRAM_UNAVAILABLE) continue; // only as a grid; never
         std::string written = form.numbers == 1 ? "1" : form.numbers == 2 ? "[0, 1]" : "[0, 1, 2]";
         if (form.flags & MARRAM_ZERO_OR_ONE) written = "true";

@@ -61,7 +61,8 @@ std::string declared_name(std::string_view name, std::vector<ListElement>& eleme
 }
 
 std::string wanted(const MarramParam& param, const MarramTypeForm& form) {
-    if (form.ranged == 0) return fmt::format("give {}", form.written);
+    if (form.flags & MARRAM_ZERO_OR_ONE) return "give 0 or 1";
+    if (form.range_bits == 0) return fmt::format("give {}", form.written);
     return fmt::format("give {} from {:g} to {:g}{}{}", form.written, param.minimum, param.maximum,
                        *param.unit ? " " : "", param.unit);
 }
@@ -73,12 +74,13 @@ Fault content_fault(const MarramParam& param, const MarramTypeForm& form, const 
                                value.number_count, value.text, &index)) {
     case MARRAM_WRONG_COUNT:
         return {fmt::format("has {} numbers", value.number_count),
-                fmt::format("give {}{}", form.numbers,
-                            form.flags & MARRAM_ITEMS ? " an item, at least one item" : "")};
+                form.flags & MARRAM_ITEMS
+                    ? fmt::format("give {} an item, at least one item: {}", form.numbers, form.written)
+                    : fmt::format("give {}", form.numbers)};
     case MARRAM_WRONG_NUMBER:
-        return {fmt::format("has {:g} as number {}", value.numbers[index], index), wanted(param, form)};
+        return {fmt::format("has numbers[{}] = {:g}", index, value.numbers[index]), wanted(param, form)};
     case MARRAM_WRONG_ORDER:
-        return {fmt::format("does not ascend at number {}, {:g}", index, value.numbers[index]),
+        return {fmt::format("does not ascend at numbers[{}] = {:g}", index, value.numbers[index]),
                 form.flags & MARRAM_ITEMS ? "sort its items by their first numbers, each once"
                                           : "give the lower number first"};
     case MARRAM_WRONG_TEXT: {

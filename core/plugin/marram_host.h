@@ -53,7 +53,7 @@ static inline MarramStatus marram_find_procedural(const MarramLibrary* library, 
                                                   const MarramHost* host, MarramProcedural* out);
 
 #if defined(__unix__) || defined(__APPLE__)
-/* The same, after loading the library of this path, which stays loaded. */
+/* The same, after loading a library, which stays loaded. A path without a folder is searched where dlopen() does. */
 static inline MarramStatus marram_load_procedural(const char* path, const char* name, const MarramHost* host,
                                                   MarramProcedural* out);
 #endif
@@ -427,7 +427,7 @@ static inline char* marram_host_wanted(const MarramParam* param) {
     if (form->components > 0)
         return marram_host_print("read the file, and hand it over by marram_set_grid()");
     if (form->text == MARRAM_CHOICE_TEXT) return marram_host_print("give one of %s", param->choices);
-    if (form->ranged == 0) return marram_host_print("give %s", form->written);
+    if (form->range_bits == 0) return marram_host_print("give %s", form->written);
     return marram_host_print("give %s from %g to %g%s%s", form->written, param->minimum, param->maximum, unit,
                              param->unit);
 }
@@ -688,8 +688,8 @@ static inline int marram_host_read(MarramParamType type, const char* toml, Marra
     } else if (form->numbers == 1) {
         good = marram_host_number(&at, parsed) && !((form->flags & MARRAM_WHOLE) && parsed->fraction);
     } else if (form->numbers > 1) {
-        good = form->flags & MARRAM_SCALAR ? marram_host_scalar_or_numbers(&at, (int)form->numbers, parsed)
-                                           : marram_host_numbers(&at, (int)form->numbers, parsed);
+        good = form->flags & MARRAM_OR_SCALAR ? marram_host_scalar_or_numbers(&at, (int)form->numbers, parsed)
+                                              : marram_host_numbers(&at, (int)form->numbers, parsed);
     }
     marram_host_skip(&at);
     if (form->text == MARRAM_KEYWORD_TEXT && good && !parsed->text) {
@@ -1052,7 +1052,7 @@ static inline MarramStatus marram_host_set_parts(MarramHostValues* values, const
     if (!param) return MARRAM_ERROR;
     for (size_t i = 0; i < count; ++i) marram_host_add_number(&parsed, numbers[i]);
     const MarramTypeForm* form = marram_type_form(param->type);
-    if (count == 1 && (form->flags & MARRAM_SCALAR))
+    if (count == 1 && (form->flags & MARRAM_OR_SCALAR))
         for (uint32_t i = 1; i < form->numbers; ++i) marram_host_add_number(&parsed, numbers[0]);
     if (text) {
         parsed.text = marram_host_copy(text, strlen(text));
@@ -1077,7 +1077,12 @@ static inline MarramStatus marram_host_set_parts(MarramHostValues* values, const
 static inline int marram_host_takes_numbers(const MarramTypeForm* form) {
     return form->numbers > 0 && !(form->flags & MARRAM_ITEMS);
 }
-static inline int marram_host_takes_items(const MarramTypeForm* form) { return form->flags & MARRAM_ITEMS; }
+static inline int marram_host_takes_ramp(const MarramTypeForm* form) {
+    return (form->flags & MARRAM_ITEMS) && form->numbers == 2;
+}
+static inline int marram_host_takes_keys(const MarramTypeForm* form) {
+    return (form->flags & MARRAM_ITEMS) && form->numbers == marram_host_key_numbers;
+}
 
 static inline MarramStatus marram_set_numbers(MarramHostValues* values, const char* name,
                                               const double* numbers, size_t count) {
@@ -1097,13 +1102,13 @@ static inline MarramStatus marram_set_text(MarramHostValues* values, const char*
 static inline MarramStatus marram_set_ramp(MarramHostValues* values, const char* name, const double* knots,
                                            size_t number_count, const char* interpolation) {
     return marram_host_set_parts(values, name, knots, number_count, interpolation ? interpolation : "",
-                                 marram_host_takes_items);
+                                 marram_host_takes_ramp);
 }
 
 static inline MarramStatus marram_set_keys(MarramHostValues* values, const char* name, const double* numbers,
                                            size_t number_count, const char* interpolation) {
     return marram_host_set_parts(values, name, numbers, number_count, interpolation ? interpolation : "",
-                                 marram_host_takes_items);
+                                 marram_host_takes_keys);
 }
 
 static inline MarramStatus marram_set_grid(MarramHostValues* values, const char* name, const MarramGrid* grid,
@@ -1137,6 +1142,11 @@ static inline MarramStatus marram_set_grid(MarramHostValues* values, const char*
 
 static inline MarramStatus marram_set_curves(MarramHostValues* values, const char* name, const char* curves,
                                              const MarramAttribute* attributes, uint32_t attribute_count) {
+    if (!values || !name || !curves) return MARRAM_ERROR;
+    const MarramParam* param = marram_host_declared(values, name);
+    if (!param) return MARRAM_ERROR;
+    if (param->type != MARRAM_CURVES_NAME)
+        return marram_host_refuse(values, name, values->place, "a name of curves", marram_host_wanted(param));
     const MarramStatus status = marram_set_text(values, name, curves);
     if (status != MARRAM_OK) return status;
     MarramHostSetting* setting = marram_host_find_setting(values, name);
@@ -1489,7 +1499,7 @@ static inline MarramFrame marram_default_frame(const double* times, uint32_t tim
     memset(&frame, 0, sizeof frame);
     frame.size = sizeof frame;
     frame.fps = 24.0;
-    frame.frame = times[0];
+    frame.frame = times && time_count > 0 ? times[0] : 0.0;
     frame.bind_frame = 1.0;
     frame.time_count = time_count;
     frame.times = times;

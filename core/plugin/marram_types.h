@@ -47,24 +47,25 @@ typedef enum MarramTextKind {
     MARRAM_KEYWORD_TEXT /* one of MarramTypeForm.keywords */
 } MarramTextKind;
 
-enum {
-    MARRAM_WHOLE = 1, /* whole numbers of 32 bits */
-    MARRAM_ZERO_OR_ONE = 2,
-    MARRAM_SCALAR = 4,    /* a single number may stand for all of them */
-    MARRAM_ASCENDING = 8, /* from number to number; equal ones are allowed */
-    MARRAM_NOT_NEGATIVE = 16,
-    MARRAM_ITEMS = 32 /* one or more items of so many numbers; the first number ascends from item to item */
+enum {                   /* MarramTypeForm.flags */
+       MARRAM_WHOLE = 1, /* whole numbers of 32 bits */
+       MARRAM_ZERO_OR_ONE = 2,
+       MARRAM_OR_SCALAR = 4, /* a single number may stand for all of them */
+       MARRAM_ASCENDING = 8, /* from number to number; equal ones are allowed */
+       MARRAM_NOT_NEGATIVE = 16,
+       MARRAM_ITEMS =
+           32 /* one or more items of so many numbers; the first number ascends from item to item */
 };
 
 /* How values of a type are checked. */
 typedef struct MarramTypeForm {
     const char* name;
-    const char* written; /* for messages, "give [low, high]" */
+    const char* written; /* as text, for messages: "give [low, high]" */
     uint32_t numbers;    /* how many; of each item if there are items */
     uint32_t flags;
-    uint32_t ranged; /* bits of the numbers to which MarramParam.minimum and maximum apply */
-    /* Numbers to which they do not: the smallest and greatest magnitudes, [numbers]. NULL: any finite number. */
-    const double *least, *most;
+    uint32_t range_bits; /* bit i: MarramParam.minimum and maximum apply to number i */
+    /* [numbers] Limits of the absolute values of numbers to which they do not apply. NULL: any finite number. */
+    const double *least_magnitude, *most_magnitude;
     MarramTextKind text;
     const char* keywords;
     uint32_t components; /* of a grid, at most; 0: no grid */
@@ -76,14 +77,14 @@ static inline const MarramTypeForm* marram_type_form(MarramParamType type) {
     static const double key_least[10] = {0, 0, 0, 0, 0, 0, 0, 1e-6, 1e-6, 1e-6},
                         key_most[10] = {1e6, 1e8, 1e8, 1e8, 1e6, 1e6, 1e6, 1e6, 1e6, 1e6};
     static const MarramTypeForm forms[] = {
-        {"boolean", "true or false, 1 or 0", 1, MARRAM_ZERO_OR_ONE, 0, NULL, NULL, MARRAM_NO_TEXT, "", 0},
+        {"boolean", "true or false", 1, MARRAM_ZERO_OR_ONE, 0, NULL, NULL, MARRAM_NO_TEXT, "", 0},
         {"integer", "a whole number", 1, MARRAM_WHOLE, 1, NULL, NULL, MARRAM_NO_TEXT, "", 0},
         {"number", "a number", 1, 0, 1, NULL, NULL, MARRAM_NO_TEXT, "", 0},
         {"vec2", "two numbers [a, b]", 2, 0, 3, NULL, NULL, MARRAM_NO_TEXT, "", 0},
         {"vec3", "three numbers [x, y, z]", 3, 0, 7, NULL, NULL, MARRAM_NO_TEXT, "", 0},
-        {"range", "[low, high], or one number for both", 2, MARRAM_SCALAR | MARRAM_ASCENDING, 3, NULL, NULL,
-         MARRAM_NO_TEXT, "", 0},
-        {"color", "[r, g, b], or one number for a grey", 3, MARRAM_SCALAR | MARRAM_NOT_NEGATIVE, 7, NULL,
+        {"range", "[low, high], or one number for both", 2, MARRAM_OR_SCALAR | MARRAM_ASCENDING, 3, NULL,
+         NULL, MARRAM_NO_TEXT, "", 0},
+        {"color", "[r, g, b], or one number for a grey", 3, MARRAM_OR_SCALAR | MARRAM_NOT_NEGATIVE, 7, NULL,
          NULL, MARRAM_NO_TEXT, "", 0},
         {"text", "a text", 0, 0, 0, NULL, NULL, MARRAM_ANY_TEXT, "", 0},
         {"choice", "one of its choices", 0, 0, 0, NULL, NULL, MARRAM_CHOICE_TEXT, "", 0},
@@ -129,8 +130,9 @@ static inline int marram_number_is_good(const MarramTypeForm* form, uint32_t i, 
     if ((form->flags & MARRAM_ZERO_OR_ONE) && x != 0.0 && x != 1.0) return 0;
     if ((form->flags & MARRAM_WHOLE) && (x != floor(x) || !(fabs(x + 0.5) < 2147483648.0))) return 0;
     if ((form->flags & MARRAM_NOT_NEGATIVE) && x < 0.0) return 0;
-    if (form->ranged >> i & 1u) return x >= minimum && x <= maximum;
-    return !form->most || (fabs(x) >= form->least[i] && fabs(x) <= form->most[i]);
+    if (form->range_bits >> i & 1u) return x >= minimum && x <= maximum;
+    return !form->most_magnitude ||
+           (fabs(x) >= form->least_magnitude[i] && fabs(x) <= form->most_magnitude[i]);
 }
 
 /* Checks numbers and text against the form and a parameter's range and choices. text: NULL counts as "". */
@@ -141,6 +143,7 @@ static inline MarramValueFault marram_value_fault(const MarramTypeForm* form, do
     const int items = (form->flags & MARRAM_ITEMS) != 0;
     const char* given = text ? text : "";
     *index = 0;
+    if (each == 0) count = 0; /* superfluous numbers are ignored */
     if (items ? count == 0 || count % each != 0 : count != each) return MARRAM_WRONG_COUNT;
     for (size_t i = 0; i < count; ++i) {
         *index = i;

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <limits>
+#include <span>
 
 namespace marram {
 namespace {
@@ -87,19 +88,24 @@ void patch_bounds(const GroomInstance& instance, uint32_t index, MarramPatch* ou
     out->first_curve = patch.first_curve;
     out->curve_count = uint32_t(patch.roots.size());
     Vec3d lower = Vec3d::Constant(std::numeric_limits<double>::infinity()), upper = -lower;
+    double max_coordinate = 0.0;
+    const double scale = max_instance_scale(std::span(&patch.mesh_instance, 1));
     const uint32_t poses = std::min(
         instance.time_count, patch.mesh_instance.moves() ? instance.time_count : instance.mesh->time_count);
     for (uint32_t time = 0; time < poses; ++time) {
         const Surface now = instance.poses(time).now;
         for (const Root root : patch.roots) {
             Vec3d p = now.point(root.triangle, root_weights(instance.groom.seed, root));
-            if (patch.mesh_instance.is_instance) p = patch.mesh_instance.transform(time) * p;
+            if (patch.mesh_instance.is_instance) { // strands are rounded on the mesh, too
+                max_coordinate = std::max(max_coordinate, scale * p.cwiseAbs().maxCoeff());
+                p = patch.mesh_instance.transform(time) * p;
+            }
             lower = lower.cwiseMin(p);
             upper = upper.cwiseMax(p);
         }
     }
-    const double reach =
-        reach_from_root(instance, std::max(lower.cwiseAbs().maxCoeff(), upper.cwiseAbs().maxCoeff()));
+    max_coordinate = std::max({max_coordinate, lower.cwiseAbs().maxCoeff(), upper.cwiseAbs().maxCoeff()});
+    const double reach = reach_from_root(instance, max_coordinate);
     for (int axis = 0; axis < 3; ++axis) {
         out->lower[axis] = float(lower[axis] - reach);
         out->upper[axis] = float(upper[axis] + reach);

@@ -395,6 +395,7 @@ JigglePilot pilot_of(const ImportInstance& instance, double tolerance) {
                 if (!instance.mesh) return expand_imported(instance, nullptr, vertices, 0, some, cvs, out);
                 const SkinPoses at_bind{instance.bind_surface(), instance.bind_surface()};
                 expand_imported(instance, &at_bind, vertices, 0, some, cvs, out);
+                scale_strands(out, max_instance_scale(instance.mesh_instances));
             }};
 }
 
@@ -477,8 +478,7 @@ MarramStatus begin_import(MarramInstance* opaque, const MarramFrame* frame, Marr
                              fmt::format("{} strands on {} meshes are too many", instance.curves.count(),
                                          instance.mesh_instances.size()),
                              "write fewer instances");
-        instance.longest =
-            longest_in_frame(instance) * std::max(max_instance_scale(instance.mesh_instances), 1.0);
+        instance.longest = longest_in_frame(instance) * max_instance_scale(instance.mesh_instances);
         status = set_gust_plane_once(instance.host, instance.frame, instance.bind_box, instance.wind,
                                      instance.gust_start);
         if (status == MARRAM_OK) status = choose(instance);

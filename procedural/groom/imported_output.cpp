@@ -165,7 +165,7 @@ RestStrandSource imported_rest_strands(const ImportBatch& batch, StageClock& clo
                 expand_on(instance.mesh ? &now : nullptr, vertices, strands);
                 take_to_instance(past_transform(past_sample), strands);
             },
-            [&instance, past_transform](int64_t past_sample) {
+            [&instance, past_transform](int64_t past_sample) { // never asked for the window's first sample
                 return !instance.curves.curves.moves &&
                        (!instance.mesh ||
                         (instance.past.unchanged_at(past_sample) &&

@@ -264,20 +264,19 @@ double max_radius_of(const ImportSettings& settings, double of_file) {
     return 0.5 * *settings.width * settings.width_scale * *std::ranges::max_element(shares);
 }
 
-// Greatest distance of any part of a strand from its root: see groom_bounds.cpp. `scale`: of the mesh's
-// instance; the sizes are those on the mesh.
-double import_reach(const ImportInstance& instance, double longest_on_mesh, double longest_segment,
-                    double max_radius, double scale, double max_coordinate) {
-    const double longest = scale * longest_on_mesh;
-    const double radius = scale * max_radius_of(instance.settings, max_radius);
-    const double overshoot = instance.basis == MARRAM_CATMULL_ROM ? scale * longest_segment / 3.0 : 0.0;
+// Greatest distance of any part of a strand from its root: see groom_bounds.cpp. Sizes are those on the mesh; on an
+// instance all of them scale, with the height to which roots are raised.
+double import_reach(const ImportInstance& instance, double longest, double longest_segment, double max_radius,
+                    double scale, double max_coordinate) {
+    const double radius = max_radius_of(instance.settings, max_radius);
+    const double overshoot = instance.basis == MARRAM_CATMULL_ROM ? longest_segment / 3.0 : 0.0;
     double offset = 0.0, clearance = 0.0;
     if (const auto& collision = instance.wind.collision) {
         offset = root_offset(*collision, longest, radius);
         clearance = std::max(collision->clearance.value_or(0.0), offset);
     }
-    return (longest + overshoot + radius + offset + clearance) * (1.0 + 1e-5) +
-           4.0 * (max_coordinate + longest) * 0x1p-23;
+    return scale * (longest + overshoot + radius + offset + clearance) * (1.0 + 1e-5) +
+           4.0 * (max_coordinate + scale * longest) * 0x1p-23;
 }
 
 } // namespace
@@ -301,7 +300,9 @@ void import_patch_bounds(const ImportInstance& instance, uint32_t index, MarramP
                 max_radius = std::max(max_radius, double(v[4 * k + 3]));
         }
     if (moves) segment = longest;
-    double max_foot_distance = 0.0;
+    // At least 1: clearances do not shrink with instances.
+    const double scale = std::max(max_instance_scale(std::span(&on.mesh_instance, 1)), 1.0);
+    double max_foot_distance = 0.0, max_coordinate = 0.0;
     for (uint32_t t = 0; t < instance.time_count; ++t) {
         const Eigen::Affine3d& transform = on.mesh_instance.transform(t);
         for (uint64_t c = patch.first; c < patch.first + patch.count; ++c) {
@@ -315,14 +316,15 @@ void import_patch_bounds(const ImportInstance& instance, uint32_t index, MarramP
             const RootBinding& root_binding = instance.binding.root_bindings[c];
             const Vec3d foot = instance.surface(t).point(root_binding.triangle, root_binding.weights);
             box.extend(on.mesh_instance.is_instance ? Vec3d(transform * foot) : foot);
+            if (on.mesh_instance.is_instance) // strands are rounded on the mesh, too
+                max_coordinate = std::max(max_coordinate, scale * foot.cwiseAbs().maxCoeff());
             if (moves) box.extend(on.mesh_instance.is_instance ? Vec3d(transform * root) : root);
             max_foot_distance =
                 std::max(max_foot_distance, moves ? (root - foot).norm() : double(root_binding.distance));
         }
     }
-    const double max_coordinate = std::max(box.min().cwiseAbs().maxCoeff(), box.max().cwiseAbs().maxCoeff());
-    // At least 1: clearances do not shrink with instances.
-    const double scale = std::max(max_instance_scale(std::span(&on.mesh_instance, 1)), 1.0);
+    max_coordinate =
+        std::max({max_coordinate, box.min().cwiseAbs().maxCoeff(), box.max().cwiseAbs().maxCoeff()});
     const double reach = import_reach(instance, longest, segment, max_radius, scale, max_coordinate) +
                          2.0 * scale * max_foot_distance;
     for (int axis = 0; axis < 3; ++axis) {

@@ -139,4 +139,10 @@ void transform_strands(const MeshInstance& mesh_instance, const Eigen::Affine3d&
     for (VFloat& radius : strands.radius) radius = radius * splat_float(float(scale));
 }
 
+void scale_strands(Strands& strands, double scale) {
+    if (scale == 1.0) return;
+    const Eigen::Affine3d scaling(Eigen::Scaling(scale));
+    transform_strands({nullptr, true, scaling}, scaling, false, strands);
+}
+
 } // namespace marram

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// The meshes on which a groom grows, or to which imported strands are bound: their mesh and each instance of it.
-// Roots, guides, bindings and the settings chosen by the tolerance are computed once. A strand of an instance is laid out on the mesh and transformed to the
-// instance; from then on it is an independent strand in the wind at its own position. Lengths, widths and
-// heights above the skin scale with the instance.
+// The meshes on which a groom grows, or to which imported strands are bound: one mesh and each of its instances.
+// Roots, guides, bindings and the settings chosen by the tolerance are computed once. A strand of an instance is
+// laid out on the mesh and transformed to the instance; from then on it is an independent strand in the wind at
+// its own position. Lengths, widths and heights above the skin scale with the instance.
 #pragma once
 
 #include "procedural/wind/jiggle.h"
@@ -63,5 +63,6 @@ MarramStatus sample_past_transforms(const MarramFrame& frame, const Jiggle& jigg
 // noise_at_bind_frame: noise is sampled where the strands are at the bind frame.
 void transform_strands(const MeshInstance& mesh_instance, const Eigen::Affine3d& transform,
                        bool noise_at_bind_frame, Strands& strands);
+void scale_strands(Strands& strands, double scale); // about the origin
 
 } // namespace marram

@@ -75,12 +75,6 @@ double polygon_error(const WideVector<Wide3f>& coarse, const WideVector<Wide3f>&
     return percentile_99(distances);
 }
 
-void scale_strands(Strands& strands, double scale) {
-    if (scale == 1.0) return;
-    const Eigen::Affine3d scaling(Eigen::Scaling(scale));
-    transform_strands({nullptr, true, scaling}, scaling, false, strands);
-}
-
 void bend_sample(const PilotGroom& pilot, const RootSample& some, double frame, int cvs, Strands& strands) {
     strands.resize(int(some.roots.size()), cvs, false);
     expand(pilot.groom, pilot.wind, {pilot.bind, pilot.bind}, some.roots, strands, some.guides());

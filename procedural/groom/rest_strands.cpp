@@ -2,6 +2,7 @@
 #include "procedural/groom/rest_strands.h"
 
 namespace marram {
+
 void transform_to_instance(const GroomInstance& instance, const MeshInstance& mesh_instance, uint32_t time,
                            Strands& strands) {
     transform_strands(mesh_instance, mesh_instance.transform(time), instance.wind.noise_at_bind_frame,

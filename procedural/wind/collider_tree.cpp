@@ -39,10 +39,6 @@ size_t run_end(size_t begin, size_t most, const std::vector<uint64_t>& keys) {
     return end;
 }
 
-} // namespace
-
-namespace {
-
 struct BlocksOfMesh {
     uint32_t mesh; // index in the frame
     TriangleBlocks blocks;

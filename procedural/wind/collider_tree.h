@@ -88,8 +88,8 @@ class ColliderTree {
     bool find(const MarramMesh* meshes, const SearchRegion& region, size_t most,
               std::vector<NearCluster>& found) const;
 
-    // Calls visit(cluster) for those that may have a triangle within `radius` of p, in the order of the lower
-    // bounds on their distances. visit returns the radius to continue with.
+    // Calls visit(cluster) for those that may have a triangle within `radius` of p, usually in the order of the
+    // lower bounds on their distances. visit returns the radius to continue with.
     template <typename Visit>
     void nearest(const MarramMesh* meshes, const Vec3d& p, double radius, Visit&& visit) const {
         if (nodes_.empty()) return;
@@ -124,7 +124,8 @@ class ColliderTree {
             const auto kind =
                 leaf ? StackEntry::cluster
                      : (next.child < topology_->levels[1] ? StackEntry::block : StackEntry::node);
-            // Best first. When half of the stack is in use, depth first, which needs no more than the rest.
+            // Best first. When half of the stack is in use, depth first, which needs at most stack_size more
+            // (build_topology() limits the depth).
             const size_t first = top <= stack_size ? 0 : top;
             for (uint32_t bits = distances.within & ((1U << run.count) - 1U); bits != 0; bits &= bits - 1) {
                 const auto i = uint32_t(std::countr_zero(bits));

@@ -432,7 +432,7 @@ static void check_bad_values(const MarramProcedural* type) {
                {"envelope", "ascend", 4, {1, 1, 0, 1}, "linear"},
                {"envelope", "NULL", 4, {0, 1, 1, 1}, NULL},
                {"wind.direction", "1e+09", 3, {INFINITY, 0, 0}, NULL},
-               {"wind.gusts.redraw", "1 or 0", 1, {2}, NULL}};
+               {"wind.gusts.redraw", "0 or 1", 1, {2}, NULL}};
     for (size_t i = 0; i < sizeof bad / sizeof *bad; ++i) {
         make_values(type, good, good_count, &values);
         MarramValue* value = value_of(&values, bad[i].name);

@@ -437,8 +437,13 @@ TEST(HostValues, PassAttributesOfCurves) {
     const HostValues values = host_values(type);
     const MarramAttribute wet{"wet", 1, MARRAM_PER_CURVE, 0, "", nullptr, 0};
     ASSERT_EQ(marram_set_curves(values.get(), "curves", "file", &wet, 1), MARRAM_OK);
-    EXPECT_EQ(marram_set_curves(values.get(), "width", "file", &wet, 1), MARRAM_ERROR); // keeps its default
-    ASSERT_EQ(marram_set(values.get(), "width", "0.001"), MARRAM_OK);
+    for (const char* other : {"width", "on", "shape"}) { // not names of curves
+        EXPECT_EQ(marram_set_curves(values.get(), other, "file", &wet, 1), MARRAM_ERROR) << other;
+        marram_reset(values.get(), other);
+    }
+    const double knots[] = {0, 1, 1, 0};
+    EXPECT_EQ(marram_set_keys(values.get(), "envelope", knots, 4, "linear"), MARRAM_ERROR); // it is a ramp
+    EXPECT_EQ(marram_set_ramp(values.get(), "envelope", knots, 4, "linear"), MARRAM_OK);
     const MarramValues* all = marram_values_finish(values.get(), &host);
     ASSERT_NE(all, nullptr);
     MarramHost whole = host;

@@ -172,6 +172,44 @@ TEST(Strands, OnInstancesStandInTheWindOfTheirPlace) {
     }
 }
 
+// What is asked for in metres on the mesh, the height of roots, grows with an instance; the tolerance does not.
+TEST(Strands, OnLargeInstancesAreBoundedAndChosenFor) {
+    struct Swung : TestScene {
+        Swung(const std::string& wind, const std::string& transform)
+            : TestScene(
+                  "\n[wind]\nspeed = 6\ncalm = 1\nglobal_rotate = 0.5\n" + wind +
+                  mesh("ground", "plane",
+                       "size = [4, 4]\ndivisions = 7\n" +
+                           (transform.empty() ? "" : "instances = [{ transform = " + transform + " }]\n")) +
+                  drawn + strands("on = \"ground\"\n")) {
+            geometry.curves[0] = irregular_curves(200, on_ground);
+            settings.frame = 12;
+            settings.tolerance = 1e-3;
+        }
+    };
+    const std::string large = "{ scale = [50, 50, 50], translate = [0, 200, 0] }";
+    Swung raised("collision = { solver = \"exact\", offset_root = 0.5 }\n", large);
+    const World world = raised.build();
+    const CurveGeometry& made = world.curves[0];
+    ASSERT_EQ(raised.stats.patch_bounds.size(), 2u);
+    for (size_t c = 200; c < 400; ++c)
+        for (uint64_t v = made.offsets[c] + 2 * c + 1; v < made.offsets[c + 1] + 2 * c + 1; ++v)
+            ASSERT_TRUE(raised.stats.patch_bounds[1].contains(
+                Vec3f(Eigen::Map<const Vec3f>(made.vertices[0] + 4 * v))));
+
+    const auto step = [&](const std::string& transform) {
+        Swung swung("jiggle = { frequency = 2 }\nnoise = { frequency = 1 }\n", transform);
+        swung.build();
+        for (const auto& [path, value] : swung.geometry.procedurals[0]->report())
+            if (path == "chosen.jiggle_step") return value;
+        return 0.0;
+    };
+    const double on_mesh = step("");
+    EXPECT_GT(on_mesh, 0.0);
+    EXPECT_EQ(step("{ translate = [9, 0, 0] }"), on_mesh);
+    EXPECT_LE(step(large), 0.5 * on_mesh);
+}
+
 // The same strands, grown and imported: equal motion, except that roots stored as floats change the noise
 // slightly.
 TEST(Strands, AreBlownLikeGrownOnes) {

@@ -46,11 +46,20 @@ Vec2d ruin_centre(const MarramMesh& mesh, const std::vector<uint32_t>& triangles
     return 0.5 * (low + high);
 }
 
-RTCScene ruin_scene_of(const RuinTriangles& mesh, RTCScene beside) {
+// The device is released after its last scene: Embree 4.4.1 frees a device that its last scene releases while
+// that scene still uses it.
+void ruin_release(RTCScene scene, RTCDevice device) {
+    rtcReleaseScene(scene);
+    rtcReleaseDevice(device);
+}
+
+std::shared_ptr<RTCSceneTy> ruin_scene_of(const RuinTriangles& mesh, RTCScene beside) {
     const RTCDevice device =
         beside ? rtcGetSceneDevice(beside) : rtcNewDevice("set_affinity=0,start_threads=0");
     if (!device) throw std::bad_alloc();
-    const RTCScene scene = rtcNewScene(device);
+    const std::shared_ptr<RTCSceneTy> owner(rtcNewScene(device),
+                                            [device](RTCScene scene) { ruin_release(scene, device); });
+    const RTCScene scene = owner.get();
     // Robust: a ray that hits a shared edge does not miss both triangles.
     rtcSetSceneFlags(scene, RTCSceneFlags(RTC_SCENE_FLAG_ROBUST | MARRAM_SCENE_FILTER));
     const RTCGeometry geometry = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_TRIANGLE);
@@ -67,10 +76,8 @@ RTCScene ruin_scene_of(const RuinTriangles& mesh, RTCScene beside) {
         rtcCommitScene(scene);
     }
     rtcReleaseGeometry(geometry);
-    rtcReleaseDevice(device); // the scene keeps a reference
-    if (positions && triangles) return scene;
-    rtcReleaseScene(scene);
-    throw std::bad_alloc();
+    if (!positions || !triangles) throw std::bad_alloc();
+    return owner;
 }
 
 RTCRay ruin_ray(const Vec3d& from, const Vec3d& direction, double length) {
@@ -112,7 +119,7 @@ RuinMesh::RuinMesh(const MarramMesh& mesh, const Vec2d& wind, RTCScene scene) {
                   .add(&frame_.origin, sizeof(Vec2d))
                   .add(&frame_.along, sizeof(Vec2d))
                   .value();
-    scene_ = std::shared_ptr<RTCSceneTy>(ruin_scene_of(own, scene), [](RTCScene s) { rtcReleaseScene(s); });
+    scene_ = ruin_scene_of(own, scene);
 }
 
 namespace {

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The types of parameters, for both sides of the contract. A new type is an enumerator and a row of the table;
- * only if its numbers are written in a way of its own, as those of a ramp are, marram_host.h needs a function
- * that reads them.
+ * The types of parameters, for both sides of the contract. A new type is an enumerator and a row of the table in
+ * this header, and what core/scene/param_types.h names for marram's own host. Only if its numbers are written in
+ * a way of their own, as those of a ramp are, marram_host.h needs a function that reads them.
  */
 #ifndef MARRAM_TYPES_H
 #define MARRAM_TYPES_H
@@ -19,7 +19,7 @@ extern "C" {
 /* What a MarramValue of the type holds: numbers, text, grid. */
 typedef enum MarramParamType {
     MARRAM_BOOLEAN, /* numbers[0] is 0 or 1 */
-    MARRAM_INTEGER, /* numbers[0], of 32 bits */
+    MARRAM_INTEGER, /* numbers[0], a whole number that fits into int32_t */
     MARRAM_NUMBER,  /* numbers[0] */
     MARRAM_VEC2,    /* numbers[0..1] */
     MARRAM_VEC3,    /* numbers[0..2] */
@@ -47,14 +47,14 @@ typedef enum MarramTextKind {
     MARRAM_KEYWORD_TEXT /* one of MarramTypeForm.keywords */
 } MarramTextKind;
 
-enum {                   /* MarramTypeForm.flags */
-       MARRAM_WHOLE = 1, /* whole numbers of 32 bits */
-       MARRAM_ZERO_OR_ONE = 2,
-       MARRAM_OR_SCALAR = 4, /* a single number may stand for all of them */
-       MARRAM_ASCENDING = 8, /* from number to number; equal ones are allowed */
-       MARRAM_NOT_NEGATIVE = 16,
-       MARRAM_ITEMS =
-           32 /* one or more items of so many numbers; the first number ascends from item to item */
+/* MarramTypeForm.flags */
+enum {
+    MARRAM_WHOLE = 1, /* whole numbers of 32 bits */
+    MARRAM_ZERO_OR_ONE = 2,
+    MARRAM_OR_SCALAR = 4, /* as text, a single number may stand for all of them */
+    MARRAM_ASCENDING = 8, /* from number to number; equal ones are allowed */
+    MARRAM_NOT_NEGATIVE = 16,
+    MARRAM_ITEMS = 32 /* one or more items of so many numbers; the first number strictly ascends from item to item */
 };
 
 /* How values of a type are checked. */
@@ -64,7 +64,7 @@ typedef struct MarramTypeForm {
     uint32_t numbers;    /* how many; of each item if there are items */
     uint32_t flags;
     uint32_t range_bits; /* bit i: MarramParam.minimum and maximum apply to number i */
-    /* [numbers] Limits of the absolute values of numbers to which they do not apply. NULL: any finite number. */
+    /* [numbers] Limits of |x| for numbers whose range_bits bit is 0. Both NULL: any finite number. */
     const double *least_magnitude, *most_magnitude;
     MarramTextKind text;
     const char* keywords;
@@ -73,7 +73,7 @@ typedef struct MarramTypeForm {
 
 /* NULL for a type that this header does not know. */
 static inline const MarramTypeForm* marram_type_form(MarramParamType type) {
-    /* frame, m, degrees, scale. Larger values are typing mistakes, and floats would lose too much precision. */
+    /* frame, m, degrees, scale: limits that catch typing mistakes. */
     static const double key_least[10] = {0, 0, 0, 0, 0, 0, 0, 1e-6, 1e-6, 1e-6},
                         key_most[10] = {1e6, 1e8, 1e8, 1e8, 1e6, 1e6, 1e6, 1e6, 1e6, 1e6};
     static const MarramTypeForm forms[] = {
@@ -100,7 +100,7 @@ static inline const MarramTypeForm* marram_type_form(MarramParamType type) {
         {"reference", "the name of curves", 0, 0, 0, NULL, NULL, MARRAM_NAME_TEXT, "", 0},
         {"table", "a table", 0, 0, 0, NULL, NULL, MARRAM_ANY_TEXT, "", 1},
     };
-    /* Does not compile if a type has no row. */
+    /* Does not compile if a type has no row. Rows are in the order of MarramParamType. */
     (void)sizeof(char[sizeof forms / sizeof *forms == (size_t)MARRAM_PARAM_TYPE_COUNT ? 1 : -1]);
     return (unsigned)type < (unsigned)MARRAM_PARAM_TYPE_COUNT ? &forms[type] : NULL;
 }
@@ -120,7 +120,7 @@ typedef enum MarramValueFault {
     MARRAM_GOOD = 0,
     MARRAM_WRONG_COUNT,  /* of numbers */
     MARRAM_WRONG_NUMBER, /* *index: of the number */
-    MARRAM_WRONG_ORDER,  /* numbers[*index] should not be less than, or equal to, an earlier one */
+    MARRAM_WRONG_ORDER,  /* numbers[*index] is less than the one before, or not greater than that of the item before */
     MARRAM_WRONG_TEXT
 } MarramValueFault;
 
@@ -135,7 +135,8 @@ static inline int marram_number_is_good(const MarramTypeForm* form, uint32_t i, 
            (fabs(x) >= form->least_magnitude[i] && fabs(x) <= form->most_magnitude[i]);
 }
 
-/* Checks numbers and text against the form and a parameter's range and choices. text: NULL counts as "". */
+/* Checks numbers and text against the form and a parameter's range and choices. text: NULL counts as "". Grids are
+ * not checked. *index counts only with MARRAM_WRONG_NUMBER and MARRAM_WRONG_ORDER. */
 static inline MarramValueFault marram_value_fault(const MarramTypeForm* form, double minimum, double maximum,
                                                   const char* choices, const double* numbers, size_t count,
                                                   const char* text, size_t* index) {
@@ -143,7 +144,7 @@ static inline MarramValueFault marram_value_fault(const MarramTypeForm* form, do
     const int items = (form->flags & MARRAM_ITEMS) != 0;
     const char* given = text ? text : "";
     *index = 0;
-    if (each == 0) count = 0; /* superfluous numbers are ignored */
+    if (each == 0) count = 0; /* a type without numbers ignores those that are given */
     if (items ? count == 0 || count % each != 0 : count != each) return MARRAM_WRONG_COUNT;
     for (size_t i = 0; i < count; ++i) {
         *index = i;

@@ -35,7 +35,10 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <array>
 #include <cmath>
+#include <limits>
 #include <map>
 #include <memory>
 
@@ -321,11 +324,11 @@ MarramStatus travel_of(const ImportInstance& instance, double& travel) {
 }
 
 void announce_long_work(ImportInstance& instance, int64_t past_samples) {
-    const auto copies = double(instance.mesh_instances.size());
-    const double strands = copies * double(instance.curves.count()),
-                 cvs = copies * double(instance.curves.cv_count());
+    const auto strands = double(instance.curves.count()), cvs = double(instance.curves.cv_count()),
+               meshes = double(instance.mesh_instances.size());
     LongWork work;
-    work.cvs = strands > 0.0 ? cvs * std::max(lanes / strands, 1.0) : 0.0; // few strands leave lanes idle
+    // Few strands on a mesh leave lanes idle.
+    work.cvs = strands > 0.0 ? meshes * cvs * std::max(lanes / strands, 1.0) : 0.0;
     work.cvs_per_strand = strands > 0.0 ? cvs / strands : 0.0;
     work.samples = instance.frame.time_count;
     work.past_samples = past_samples;

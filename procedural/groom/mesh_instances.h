@@ -18,8 +18,8 @@ namespace marram {
 
 struct MeshInstance {
     const MarramMesh* mesh = nullptr;
-    bool is_instance = false; // if not, the transforms below are the identity
-    // Transforms from the groom's mesh to this one, both in world space.
+    bool is_instance = false; // if not: the mesh itself
+    // Map world positions on the groom's mesh to world positions on this instance. The identity for the mesh itself.
     Eigen::Affine3d transform_at_bind = Eigen::Affine3d::Identity();
     std::vector<Eigen::Affine3d> transforms = {Eigen::Affine3d::Identity()}; // [motion sample], or one
     std::vector<Eigen::Affine3d> past_transforms; // [past sample of the jiggle's window]
@@ -28,7 +28,7 @@ struct MeshInstance {
         return transforms[std::min<size_t>(time, transforms.size() - 1)];
     }
     bool moves() const { return transforms.size() > 1; }
-    // past_sample: relative to the first of the jiggle's window.
+    // past_sample: index into past_transforms; 0 is the first sample of the jiggle's window.
     const Eigen::Affine3d& past_transform(size_t past_sample) const {
         return is_instance ? past_transforms[past_sample] : transforms[0];
     }
@@ -59,10 +59,11 @@ MarramStatus sample_past_transforms(const MarramFrame& frame, const Jiggle& jigg
                                     const JiggleWindow& window, std::span<MeshInstance> mesh_instances,
                                     bool& moved);
 
-// Takes rest strands from the mesh to an instance, whose transform this is. The mesh itself: does nothing.
+// Transforms rest strands of the mesh to one of its instances. Does nothing if that is the mesh itself.
 // noise_at_bind_frame: noise is sampled where the strands are at the bind frame.
 void transform_strands(const MeshInstance& mesh_instance, const Eigen::Affine3d& transform,
                        bool noise_at_bind_frame, Strands& strands);
-void scale_strands(Strands& strands, double scale); // about the origin
+// Scales positions, widths and radii about the origin.
+void scale_strands(Strands& strands, double scale);
 
 } // namespace marram

@@ -331,6 +331,74 @@ ContractFault device_fault(const MarramFrame& frame) {
             "make both with one RTCDevice"};
 }
 
+// What Embree has at the middle of a mesh's first triangle, at the first motion sample.
+struct Probe {
+    unsigned geometry;
+    bool found = false;     // triangle 0 of this geometry
+    bool instanced = false; // in an instance
+};
+
+// Point queries ignore masks, so the roles of the mesh do not matter.
+Probe probe_colliders(RTCScene scene, const MarramMesh& mesh) {
+    Probe probe{mesh.geometry_id};
+    const float* positions = mesh.positions[0];
+    Vec3d corners[3];
+    for (size_t i = 0; i < 3; ++i) {
+        const float* p = positions + 3 * size_t(mesh.triangles[i]);
+        corners[i] = {double(p[0]), double(p[1]), double(p[2])};
+    }
+    const Vec3d middle = (corners[0] + corners[1] + corners[2]) / 3.0;
+    RTCPointQuery query;
+    query.x = float(middle.x());
+    query.y = float(middle.y());
+    query.z = float(middle.z());
+    query.time = 0.0F;
+    // The middle of a triangle in an axis-aligned plane may lie outside its box by its rounding to float.
+    query.radius = 2.0F * std::numeric_limits<float>::epsilon() * float(middle.cwiseAbs().maxCoeff());
+    RTCPointQueryContext context;
+    rtcInitPointQueryContext(&context);
+    rtcPointQuery(
+        scene, &query, &context,
+        [](RTCPointQueryFunctionArguments* args) {
+            Probe& result = *static_cast<Probe*>(args->userPtr);
+            if (args->context->instStackSize > 0)
+                result.instanced = true;
+            else if (args->geomID == result.geometry && args->primID == 0)
+                result.found = true;
+            return false; // the radius has not changed
+        },
+        &probe);
+    return probe;
+}
+
+// True if the scene is committed and has something in it: otherwise Embree 3 does not survive a point query.
+bool can_be_queried(RTCScene scene) {
+    RTCBounds bounds{};
+    bounds.lower_x = 1.0F; // stays above upper_x if Embree sets nothing
+    rtcGetSceneBounds(scene, &bounds);
+    return bounds.lower_x <= bounds.upper_x;
+}
+
+// Checks that the colliders hold a lent mesh itself, not an instance of it.
+ContractFault collider_fault(RTCScene colliders, const MarramMesh& mesh) {
+    if (mesh.triangle_count == 0) return {};
+    if (!can_be_queried(colliders))
+        return {"", "MarramFrame.colliders is empty or not committed",
+                "attach the meshes and call rtcCommitScene()"};
+    const Probe probe = probe_colliders(colliders, mesh);
+    if (probe.instanced)
+        return {
+            "",
+            fmt::format("the mesh {} touches an Embree instance in MarramFrame.colliders", quoted(mesh.name)),
+            "attach the meshes themselves, in world space"};
+    if (!probe.found)
+        return {"",
+                fmt::format("MarramFrame.colliders does not have the mesh {} as geometry {}",
+                            quoted(mesh.name), mesh.geometry_id),
+                "attach it by this id, with the same triangles, and commit the scene"};
+    return {};
+}
+
 } // namespace
 
 bool usable_coordinates(const float* numbers, size_t count) {
@@ -378,7 +446,10 @@ ContractFault frame_fault(const MarramFrame& frame, std::span<const MarramMesh> 
         if (const Fault fault = curves_fault(curves[c], frame.time_count))
             return {"", fmt::format("the curves {} {}", quoted(curves[c].name), fault.what), fault.remedy};
     }
-    return device_fault(frame);
+    if (ContractFault fault = device_fault(frame); !fault.what.empty() || !frame.colliders) return fault;
+    for (const MarramMesh& mesh : meshes)
+        if (ContractFault fault = collider_fault(frame.colliders, mesh); !fault.what.empty()) return fault;
+    return {};
 }
 
 ContractFault view_fault(const MarramView& view) {

@@ -66,6 +66,20 @@ static inline int marram_never_cancelled(void* user);
  * frame 1, the whole chain, a tolerance of 1 mm. `times` is not copied. Set device, colliders, meshes and pose. */
 static inline MarramFrame marram_default_frame(const double* times, uint32_t time_count);
 
+/* A mesh that does not move, with all roles, without normals and uvs. `positions` is not copied: it points to one
+ * pointer to 3 * vertex_count floats. */
+static inline MarramMesh marram_static_mesh(const char* name, uint32_t geometry_id,
+                                            const float* const* positions, uint32_t vertex_count,
+                                            const uint32_t* triangles, uint32_t triangle_count);
+
+/* Lends meshes of which none moves: sets meshes, mesh_count, pose and pose_user of the frame. */
+static inline void marram_lend_static(MarramFrame* frame, const MarramMesh* meshes, uint32_t mesh_count);
+
+/* The index buffer of an Embree curve geometry: the number of cubic segments of all curves, and the first vertex of
+ * each. MARRAM_CURVES only. */
+static inline uint64_t marram_segment_count(const MarramOutput* output);
+static inline void marram_segment_indices(const MarramOutput* output, uint32_t* indices);
+
 /* Values with defaults only. The library must stay loaded. NULL: out of memory. */
 static inline MarramHostValues* marram_values_new(const MarramProcedural* type);
 static inline void marram_values_free(MarramHostValues* values);
@@ -1508,6 +1522,54 @@ static inline MarramFrame marram_default_frame(const double* times, uint32_t tim
     frame.mesh_stride = sizeof(MarramMesh);
     frame.curves_stride = sizeof(MarramCurves);
     return frame;
+}
+
+static inline MarramMesh marram_static_mesh(const char* name, uint32_t geometry_id,
+                                            const float* const* positions, uint32_t vertex_count,
+                                            const uint32_t* triangles, uint32_t triangle_count) {
+    MarramMesh mesh;
+    memset(&mesh, 0, sizeof mesh);
+    mesh.name = name;
+    mesh.geometry_id = geometry_id;
+    mesh.roles = MARRAM_ALL_ROLES;
+    mesh.vertex_count = vertex_count;
+    mesh.triangle_count = triangle_count;
+    mesh.time_count = 1;
+    mesh.positions = positions;
+    mesh.triangles = triangles;
+    return mesh;
+}
+
+static inline MarramStatus marram_host_pose_static(void* user, uint32_t index, double frame, float* positions,
+                                                   float* normals) {
+    const MarramMesh* mesh = (const MarramMesh*)user + index;
+    const size_t bytes = 3 * sizeof(float) * (size_t)mesh->vertex_count;
+    (void)frame;
+    memcpy(positions, mesh->positions[0], bytes);
+    if (normals && mesh->normals) memcpy(normals, mesh->normals[0], bytes);
+    return MARRAM_OK;
+}
+
+static inline void marram_lend_static(MarramFrame* frame, const MarramMesh* meshes, uint32_t mesh_count) {
+    frame->meshes = meshes;
+    frame->mesh_count = mesh_count;
+    frame->pose = marram_host_pose_static;
+    frame->pose_user = (void*)meshes; /* only read */
+}
+
+static inline uint64_t marram_segment_count(const MarramOutput* output) {
+    const uint64_t curves = output->curve_count;
+    return (output->offsets ? output->offsets[curves] : curves * output->cvs_per_curve) - curves;
+}
+
+static inline void marram_segment_indices(const MarramOutput* output, uint32_t* indices) {
+    uint32_t vertex = 0; /* Embree's indices have 32 bits */
+    for (uint64_t c = 0; c < output->curve_count; ++c) {
+        const uint64_t cvs =
+            output->offsets ? output->offsets[c + 1] - output->offsets[c] : output->cvs_per_curve;
+        for (uint64_t k = 0; k + 1 < cvs; ++k) *indices++ = vertex + (uint32_t)k;
+        vertex += (uint32_t)cvs + 2;
+    }
 }
 
 #ifdef __cplusplus

@@ -26,6 +26,14 @@ struct Colliders {
     const MarramMesh* mesh_of(unsigned geometry) const {
         return geometry < meshes.size() ? meshes[geometry] : nullptr;
     }
+    // The lent mesh that a ray hit; nullptr if it hit nothing, an instance, or a triangle that was not lent.
+    const MarramMesh* mesh_of(const RTCHit& hit) const {
+        const MarramMesh* mesh =
+            hit.geomID == RTC_INVALID_GEOMETRY_ID || hit.instID[0] != RTC_INVALID_GEOMETRY_ID
+                ? nullptr
+                : mesh_of(hit.geomID);
+        return mesh && hit.primID < mesh->triangle_count ? mesh : nullptr;
+    }
     const float* corner(const MarramMesh& mesh, unsigned triangle, size_t i) const {
         const float* positions = mesh.positions[mesh.time_count > 1 ? time_index : 0];
         return positions + 3 * size_t(mesh.triangles[3 * size_t(triangle) + i]);

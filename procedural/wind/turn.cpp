@@ -148,8 +148,7 @@ bool ray_confirms_blocked(const Colliders& colliders, const Segment& segment, Tu
     // Beyond there is no mesh, and Embree rejects such rays.
     if (!(segment.pivot.cwiseAbs().maxCoeff() < largest_coordinate)) return false;
     const RTCRayHit found = trace(colliders, segment, segment.from);
-    const MarramMesh* mesh =
-        found.hit.geomID == RTC_INVALID_GEOMETRY_ID ? nullptr : colliders.mesh_of(found.hit.geomID);
+    const MarramMesh* mesh = colliders.mesh_of(found.hit);
     if (!mesh) return false;
     const auto p = colliders.corners(*mesh, found.hit.primID);
     scratch.triangles.clear();

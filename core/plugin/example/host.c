@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * A host of about 200 lines that needs only Embree: renders grass in the wind on a square of ground.
+ * A host of about 150 lines of code that needs only Embree: renders grass in the wind on a square of ground.
  *
  *   host meadow.ppm strands.bin
  *
@@ -10,27 +10,19 @@
  */
 #include <marram/marram_host.h>
 
-enum {
-    width = 320,
-    height = 180,
-    ground_id = 0,
-    grass_id = 1,
-    spare_floats = 4 /* Embree reads beyond the end of buffers */
-};
+enum { width = 320, height = 180, ground_id = 0, grass_id = 1 };
+enum { spare_floats = 4 }; /* Embree reads beyond the end of buffers */
 
 static const MarramHost host = {
     .size = sizeof host, .message = marram_print_message, .cancelled = marram_never_cancelled};
 
 static void* check(void* pointer, const char* what) {
-    if (!pointer) {
-        fprintf(stderr, "host: %s\n", what);
-        exit(1);
-    }
+    if (!pointer) fprintf(stderr, "host: %s\n", what), exit(1);
     return pointer;
 }
 
 static void ok(MarramStatus status) {
-    if (status != MARRAM_OK) exit(1); /* on_message has said why */
+    if (status != MARRAM_OK) exit(1); /* the message says why */
 }
 
 /* ---- The ground: two static triangles ---- */
@@ -38,12 +30,6 @@ static void ok(MarramStatus status) {
 static const float corners[12 + spare_floats] = {-2, 0, -2, 2, 0, -2, -2, 0, 2, 2, 0, 2};
 static const float* const samples[1] = {corners};
 static const uint32_t triangles[6] = {0, 2, 1, 1, 2, 3};
-
-static MarramStatus pose(void* user, uint32_t mesh, double frame, float* positions, float* normals) {
-    (void)user, (void)mesh, (void)frame, (void)normals;
-    memcpy(positions, corners, 12 * sizeof(float));
-    return MARRAM_OK;
-}
 
 static RTCGeometry make_ground(RTCDevice device) {
     RTCGeometry ground = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_TRIANGLE);
@@ -102,15 +88,13 @@ static float* make_curves(const MarramProcedural* groom, MarramInstance* grass, 
 }
 
 static RTCGeometry make_grass_geometry(RTCDevice device, const MarramOutput* output, const float* vertices) {
-    const unsigned cvs = output->cvs_per_curve, curves = (unsigned)output->curve_count;
     RTCGeometry hair =
         rtcNewGeometry(device, RTC_GEOMETRY_TYPE_ROUND_BSPLINE_CURVE); /* see output->basis and shape */
+    const size_t vertex_count = output->curve_count * (output->cvs_per_curve + 2);
     rtcSetSharedGeometryBuffer(hair, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT4, vertices, 0, 16,
-                               curves * (cvs + 2));
-    unsigned* index =
-        rtcSetNewGeometryBuffer(hair, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT, 4, curves * (cvs - 1));
-    for (unsigned c = 0; c < curves; ++c) /* a segment begins at each CV except the last */
-        for (unsigned k = 0; k + 1 < cvs; ++k) *index++ = c * (cvs + 2) + k;
+                               vertex_count);
+    marram_segment_indices(output, rtcSetNewGeometryBuffer(hair, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT, 4,
+                                                           marram_segment_count(output)));
     rtcCommitGeometry(hair);
     return hair;
 }
@@ -136,22 +120,17 @@ static void write_picture(const char* file, RTCScene world) {
         for (int x = 0; x < width; ++x) {
             static const float colors[3][3] = {
                 {150, 120, 80}, {90, 160, 60}, {150, 180, 220}}; /* ground, grass, sky */
-            struct RTCRayHit ray;
-            memset(&ray, 0, sizeof ray);
-            ray.ray.org_y = 0.9F, ray.ray.org_z = 3.0F;
+            struct RTCRayHit ray = {.ray = {.org_y = 0.9F, .org_z = 3, .tfar = 100, .mask = ~0U}};
             ray.ray.dir_x = ((float)x + 0.5F - width / 2.0F) / height;
             ray.ray.dir_y = (height / 2.0F - (float)y - 0.5F) / height - 0.25F;
-            ray.ray.dir_z = -1.0F;
-            ray.ray.tfar = 100.0F;
-            ray.ray.mask = ~0U;
+            ray.ray.dir_z = -1;
             ray.hit.geomID = RTC_INVALID_GEOMETRY_ID;
             marram_intersect1(world, &ray, 1);
-            const unsigned id = ray.hit.geomID;
-            const float *n = &ray.hit.Ng_x, *color = colors[id == ground_id ? 0 : id == grass_id ? 1 : 2];
-            const float light = 0.48F * n[0] + 0.6F * n[1] + 0.64F * n[2],
-                        size = sqrtf(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]);
-            const float share = size > 0.0F ? 0.35F + 0.65F * fabsf(light) / size : 1.0F;
-            for (int i = 0; i < 3; ++i) fputc((int)(share * color[i]), out);
+            const float nx = ray.hit.Ng_x, ny = ray.hit.Ng_y, nz = ray.hit.Ng_z, /* hits only */
+                cosine = fabsf(0.48F * nx + 0.6F * ny + 0.64F * nz) / sqrtf(nx * nx + ny * ny + nz * nz);
+            const int hit = ray.hit.geomID != RTC_INVALID_GEOMETRY_ID;
+            const float* color = colors[hit ? ray.hit.geomID : 2];
+            for (int i = 0; i < 3; ++i) fputc((int)(color[i] * (hit ? 0.35F + 0.65F * cosine : 1)), out);
         }
     if (fclose(out) != 0) check(NULL, "cannot write the picture");
 }
@@ -170,20 +149,11 @@ int main(int argc, char** argv) {
     RTCGeometry ground = make_ground(device);
     rtcAttachGeometryByID(colliders, ground, ground_id); /* step 4: lend the ground */
     rtcCommitScene(colliders);
-    const MarramMesh mesh = {.name = "ground",
-                             .geometry_id = ground_id,
-                             .roles = MARRAM_ALL_ROLES,
-                             .vertex_count = 4,
-                             .triangle_count = 2,
-                             .time_count = 1,
-                             .positions = samples,
-                             .triangles = triangles};
+    const MarramMesh mesh = marram_static_mesh("ground", ground_id, samples, 4, triangles, 2);
     MarramFrame frame = marram_default_frame(&time, 1);
     frame.device = device;
     frame.colliders = colliders;
-    frame.meshes = &mesh;
-    frame.mesh_count = 1;
-    frame.pose = pose;
+    marram_lend_static(&frame, &mesh, 1);
     MarramOutput output;
     float* vertices = make_curves(&groom, grass, &frame, &output);
     RTCGeometry hair = make_grass_geometry(device, &output, vertices); /* step 7 */

@@ -525,5 +525,40 @@ TEST(HostValues, FindAProcedural) {
             "version");
 }
 
+TEST(HostHelper, LendsMeshesThatDoNotMove) {
+    const float positions[6] = {0, 1, 2, 3, 4, 5}, normals[6] = {0, 1, 0, 1, 0, 0};
+    const float *const position_steps[1] = {positions}, *const normal_steps[1] = {normals};
+    MarramMesh meshes[2] = {marram_static_mesh("one", 3, position_steps, 1, nullptr, 0),
+                            marram_static_mesh("two", 4, position_steps, 2, nullptr, 0)};
+    meshes[1].normals = normal_steps;
+    const double time = 7.0;
+    MarramFrame frame = marram_default_frame(&time, 1);
+    marram_lend_static(&frame, meshes, 2);
+    EXPECT_EQ(frame.frame, 7.0);
+    ASSERT_EQ(frame.mesh_count, 2u);
+    float p[6] = {}, n[6] = {};
+    EXPECT_EQ(frame.pose(frame.pose_user, 0, 1.0, p, n), MARRAM_OK);
+    EXPECT_EQ(std::vector<float>(p, p + 4), (std::vector<float>{0, 1, 2, 0}));
+    EXPECT_EQ(std::vector<float>(n, n + 2), (std::vector<float>{0, 0})); // it has none
+    EXPECT_EQ(frame.pose(frame.pose_user, 1, -5.0, p, n), MARRAM_OK);
+    EXPECT_TRUE(std::equal(p, p + 6, positions) && std::equal(n, n + 6, normals));
+    EXPECT_EQ(frame.pose(frame.pose_user, 1, -5.0, p, nullptr), MARRAM_OK);
+}
+
+TEST(HostHelper, CountsTheSegmentsOfCurves) {
+    MarramOutput output{};
+    EXPECT_EQ(marram_segment_count(&output), 0u);
+    output.curve_count = 2;
+    output.cvs_per_curve = 3;
+    std::vector<uint32_t> indices(marram_segment_count(&output));
+    marram_segment_indices(&output, indices.data());
+    EXPECT_EQ(indices, (std::vector<uint32_t>{0, 1, 5, 6})); // 3 + 2 vertices a curve
+    const uint64_t offsets[3] = {0, 2, 6};
+    output.offsets = offsets, output.cvs_per_curve = 0;
+    indices.assign(marram_segment_count(&output), 0);
+    marram_segment_indices(&output, indices.data());
+    EXPECT_EQ(indices, (std::vector<uint32_t>{0, 4, 5, 6}));
+}
+
 } // namespace
 } // namespace marram::testing

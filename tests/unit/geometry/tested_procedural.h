@@ -108,6 +108,15 @@ class LentWorld {
         for (uint32_t id = 0; id < meshes.size(); ++id) meshes[id].attach(device.get(), scene.get(), id);
         rtcCommitScene(scene.get());
         rtcCommitScene(other_scene.get());
+        rtcCommitScene(empty_scene.get());
+        meshes[0].attach(device.get(), swapped_scene.get(), 1);
+        meshes[1].attach(device.get(), swapped_scene.get(), 0);
+        rtcCommitScene(swapped_scene.get());
+        for (uint32_t id = 0; id < meshes.size(); ++id)
+            meshes[id].attach(device.get(), uncommitted_scene.get(), id);
+        meshes[0].attach(device.get(), instances_scene.get(), 0);
+        attach_instance(1);
+        rtcCommitScene(instances_scene.get());
         for (uint32_t id = 0; id < meshes.size(); ++id) lent[id] = meshes[id].lent(id);
         const float line[] = {-1, 0, 0, 0.1F, 0, 0, 0, 0.1F, 1, 0, 0, 0.1F, 2, 0, 0, 0.1F, 3, 0, 0, 0.1F};
         line_vertices.assign(std::begin(line), std::end(line));
@@ -150,6 +159,11 @@ class LentWorld {
         other_device{rtcNewDevice(nullptr), rtcReleaseDevice};
     std::shared_ptr<RTCSceneTy> scene{rtcNewScene(device.get()), rtcReleaseScene},
         other_scene{rtcNewScene(other_device.get()), rtcReleaseScene};
+    // No meshes, the meshes under each other's ids, without rtcCommitScene(), with the boulder as an instance.
+    std::shared_ptr<RTCSceneTy> empty_scene{rtcNewScene(device.get()), rtcReleaseScene},
+        swapped_scene{rtcNewScene(device.get()), rtcReleaseScene},
+        uncommitted_scene{rtcNewScene(device.get()), rtcReleaseScene},
+        instances_scene{rtcNewScene(device.get()), rtcReleaseScene};
     std::vector<LentMesh> meshes = [] {
         std::vector<LentMesh> none;
         none.reserve(2); // pointers must stay valid
@@ -162,6 +176,19 @@ class LentWorld {
     MarramCurves curves{};
 
   private:
+    // Attaches an instance of a scene with this mesh, under the same id inside and outside.
+    void attach_instance(uint32_t id) {
+        const std::shared_ptr<RTCSceneTy> inner(rtcNewScene(device.get()), rtcReleaseScene);
+        meshes[id].attach(device.get(), inner.get(), id);
+        rtcCommitScene(inner.get());
+        const RTCGeometry instance = rtcNewGeometry(device.get(), RTC_GEOMETRY_TYPE_INSTANCE);
+        rtcSetGeometryInstancedScene(instance, inner.get());
+        rtcSetGeometryMask(instance, ~0U);
+        rtcCommitGeometry(instance);
+        rtcAttachGeometryByID(instances_scene.get(), instance, id);
+        rtcReleaseGeometry(instance);
+    }
+
     static MarramStatus pose(void* user, uint32_t index, double frame, float* positions, float*) {
         const LentWorld& world = *static_cast<LentWorld*>(user);
         if (world.bad_pose == BadPose::fails || index > 1) return MARRAM_ERROR;

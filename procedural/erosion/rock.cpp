@@ -33,7 +33,8 @@
 // With `levels` the mesh is eroded for `years` as a level set (erosion.cpp): it must be closed. The first
 // level is coarse; each further level halves the voxel size, keeps the shape and adds detail. `level` stops
 // at one of them for a fast preview: its shape is the smoothed final shape. `winds` replace the scene's wind
-// and share the time; two winds make a keel. The output mesh has no uvs.
+// and share the time; two winds make a keel. The output mesh has no uvs. A host keeps the result as a state, so
+// that further frames, edits elsewhere and later runs do not erode again.
 //
 //     [[procedural]]
 //     type = "rock"
@@ -107,8 +108,8 @@ void take_rock_values(RockInstance& instance, std::span<const MarramValue> list)
                          fmt::format("there are {} levels", values.integer("levels")),
                          "raise levels, or lower level");
     if (values.integer("map") > 0 && values.integer("levels") > 0)
-        throw SceneFault("rock.no_uvs", values.at("map").place,
-                         "an eroded rock has no uvs to make a map by", "remove map, or set levels = 0");
+        throw SceneFault("rock.no_uvs", values.at("map").place, "an eroded rock has no uvs to make a map by",
+                         "remove map, or set levels = 0");
     if (values.number("transport") == 0.0)
         throw SceneFault("rock.no_sand", values.at("transport").place, "no sand is blown",
                          "give transport above 0");
@@ -152,17 +153,17 @@ MarramStatus update_rock(MarramInstance* opaque, const MarramUpdate* given, uint
         const std::string mesh(Values(instance.values.all()).text("mesh"));
         take_rock_values(instance, list);
         const Values now(instance.values.all());
-        *changed = update.inputs != MARRAM_NOTHING || now.text("mesh") != mesh ||
-                           (instance.values_digest != before &&
-                            (now.integer("levels") > 0 || !instance.erosion.levels.empty()))
-                       ? MARRAM_EVERYTHING
-                   : instance.values_digest != before ? MARRAM_ATTRIBUTES
-                                                      : MARRAM_NOTHING;
+        *changed =
+            update.inputs != MARRAM_NOTHING || now.text("mesh") != mesh ||
+                    (instance.values_digest != before && (now.integer("levels") > 0 || instance.eroded))
+                ? MARRAM_EVERYTHING
+            : instance.values_digest != before ? MARRAM_ATTRIBUTES
+                                               : MARRAM_NOTHING;
         return MARRAM_OK;
     });
 }
 
-MarramStatus prepare_rock(MarramInstance* opaque, const MarramFrame* given, const MarramStates*) {
+MarramStatus prepare_rock(MarramInstance* opaque, const MarramFrame* given, const MarramStates* states) {
     if (!opaque) return MARRAM_ERROR; // no host to report to
     RockInstance& instance = rock(opaque);
     return guarded_rock(instance.host, [&] {
@@ -170,7 +171,12 @@ MarramStatus prepare_rock(MarramInstance* opaque, const MarramFrame* given, cons
         const MarramFrame frame = borrowed_frame(given, meshes);
         const Values values(instance.values.all());
         if (values.integer("levels") == 0) return MARRAM_OK; // fast enough for begin
-        return evaluate_rock(instance, values, frame, meshes) ? MARRAM_OK : MARRAM_CANCELLED;
+        if (!states) return evaluate_rock(instance, values, frame, meshes, nullptr);
+        if (!states->load || !states->store)
+            throw SceneFault("contract.null_states", "", "the states are NULL",
+                             "pass functions that load and store");
+        const MarramStates known = known_part(states);
+        return evaluate_rock(instance, values, frame, meshes, &known);
     });
 }
 
@@ -184,7 +190,9 @@ MarramStatus begin_rock(MarramInstance* opaque, const MarramFrame* given, Marram
         std::vector<MarramMesh> meshes;
         const MarramFrame frame = borrowed_frame(given, meshes);
         const Values values(instance.values.all());
-        if (!evaluate_rock(instance, values, frame, meshes)) return MARRAM_CANCELLED;
+        if (const MarramStatus status = evaluate_rock(instance, values, frame, meshes, nullptr);
+            status != MARRAM_OK)
+            return status;
         MarramOutput output{};
         output.kind = MARRAM_MESH;
         output.time_count = 1;
@@ -249,13 +257,10 @@ void report_rock(MarramInstance* opaque, void (*sink)(void*, const char*, double
     sink(user, "rock.hits", double(r.worn_hits));
     sink(user, "rock.volume", r.volume);
     sink(user, "rock.seconds", r.seconds);
-    if (instance.erosion.levels.empty()) return;
-    int passes = 0;
-    for (const ErosionLevel& level : instance.erosion.levels) passes += level.passes;
-    sink(user, "rock.erosion_passes", passes);
-    sink(user, "rock.erosion_removed",
-         instance.erosion.levels.front().start - instance.erosion.levels.back().left);
-    sink(user, "rock.erosion_seconds", instance.erosion_seconds);
+    if (!instance.eroded) return;
+    sink(user, "rock.erosion_passes", double(instance.erosion.passes));
+    sink(user, "rock.erosion_removed", instance.erosion.removed);
+    sink(user, "rock.erosion_seconds", instance.erosion.seconds);
 }
 
 void destroy_rock(MarramInstance* opaque) { delete reinterpret_cast<RockInstance*>(opaque); } // NULL is fine

@@ -12,6 +12,7 @@
 #include <array>
 #include <functional>
 #include <numeric>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -93,6 +94,10 @@ void copy_mesh(RockInstance& instance, const MarramMesh& mesh) {
     if (mesh.uvs) instance.uvs.assign(mesh.uvs, mesh.uvs + 2 * vertices);
 }
 
+// The frame of the first rock that is kept: if its inputs do not move, it serves every frame, earlier ones too. A
+// state's digest tells whether it does.
+constexpr double before_all_frames = -1e9;
+
 struct RockSurroundings {
     RockScenery scenery;
     std::function<bool()> cancelled;
@@ -119,9 +124,9 @@ RockSurroundings rock_surroundings(const RockInstance& instance, const Values& v
     return around;
 }
 
-// Erodes the mesh. false: cancelled.
-bool erode_rock(RockInstance& instance, const Values& values, const RockSurroundings& around,
-                const MarramMesh& mesh) {
+// Erodes the mesh. Empty: cancelled.
+std::optional<LevelSet> erode_rock(RockInstance& instance, const Values& values,
+                                   const RockSurroundings& around, const MarramMesh& mesh) {
     const double begin = wall_seconds();
     ErosionHooks hooks;
     hooks.cancelled = around.cancelled;
@@ -129,22 +134,12 @@ bool erode_rock(RockInstance& instance, const Values& values, const RockSurround
         hooks.progress = [&](double share, const std::string& words) {
             instance.host.progress(instance.host.user, share, ("erosion: " + words).c_str());
         };
+    ErosionResult result;
     try {
-        const ErosionSettings settings = rock_erosion_settings(values, mesh);
-        instance.erosion = erode({mesh.positions[0], 3 * size_t(mesh.vertex_count)},
-                                 {mesh.triangles, 3 * size_t(mesh.triangle_count)}, settings,
-                                 grain_wear(around.scenery, around.cancelled), hooks);
-        if (instance.erosion.cancelled) return false;
-        if (const size_t pieces =
-                instance.erosion.levels.empty() ? 0 : instance.erosion.levels.front().pieces)
-            send(instance.host, MARRAM_WARNING, "rock.pieces", values.at("mesh").place,
-                 fmt::format("the rock has fallen apart, or was {} pieces: the largest is kept", pieces + 1),
-                 "give each piece a rock of its own");
-        if (instance.erosion.years < settings.years)
-            send(instance.host, MARRAM_WARNING, "rock.ended_early", values.at("years").place,
-                 fmt::format("erosion ended after {:.3g} of {:.3g} years", instance.erosion.years,
-                             settings.years),
-                 "lower years, or raise voxel: larger voxels allow longer time steps");
+        result = erode({mesh.positions[0], 3 * size_t(mesh.vertex_count)},
+                       {mesh.triangles, 3 * size_t(mesh.triangle_count)}, rock_erosion_settings(values, mesh),
+                       grain_wear(around.scenery, around.cancelled), hooks);
+        if (result.cancelled) return {};
     } catch (const LevelSetError& error) {
         const std::string what = error.what();
         const bool sizes = what.find("voxels") != std::string::npos;
@@ -154,7 +149,7 @@ bool erode_rock(RockInstance& instance, const Values& values, const RockSurround
                          : sizes                                                ? "make voxel larger"
                                                                                 : "give a closed mesh");
     }
-    LevelSet& rock = instance.erosion.levels.back().rock;
+    LevelSet& rock = result.levels.back().rock;
     if (rock.mesh().triangles.empty())
         throw SceneFault("rock.nothing_left", values.at("years").place, "the wind wears away all of the rock",
                          "lower years, or make the rock harder");
@@ -162,19 +157,23 @@ bool erode_rock(RockInstance& instance, const Values& values, const RockSurround
     instance.normals = rock.mesh().normals;
     instance.triangles = rock.mesh().triangles;
     instance.uvs.clear();
-    instance.erosion_seconds = wall_seconds() - begin;
-    return true;
+    instance.erosion = {};
+    for (const ErosionLevel& level : result.levels) instance.erosion.passes += level.passes;
+    instance.erosion.pieces = result.levels.front().pieces;
+    instance.erosion.removed = result.levels.front().start - result.levels.back().left;
+    instance.erosion.years = result.years;
+    instance.erosion.seconds = wall_seconds() - begin;
+    return std::move(rock);
 }
 
-// Computes the attributes. false: cancelled.
+// Computes the attributes. `eroded`: the rock, if it is eroded. false: cancelled.
 bool wear_rock(RockInstance& instance, const Values& values, const MarramFrame& frame,
-               const RockSurroundings& around, const MarramMesh& mesh) {
+               const RockSurroundings& around, const MarramMesh& mesh, std::optional<LevelSet>& eroded) {
     const std::vector<uint32_t> first = first_at_place(instance.positions);
     std::vector<double> depth(first.size()), hardness(first.size());
-    if (!instance.erosion.levels.empty()) {
-        LevelSet& rock = instance.erosion.levels.back().rock;
-        instance.report = wear_by_grains(around.scenery, rock.mesh(), 0, depth, around.cancelled);
-        blur_over_surface(rock.mesh(), 3, depth);
+    if (eroded) {
+        instance.report = wear_by_grains(around.scenery, eroded->mesh(), 0, depth, around.cancelled);
+        blur_over_surface(eroded->mesh(), 3, depth);
     } else {
         std::vector<uint32_t> joined(instance.triangles.size());
         std::transform(instance.triangles.begin(), instance.triangles.end(), joined.begin(),
@@ -199,6 +198,16 @@ bool wear_rock(RockInstance& instance, const Values& values, const MarramFrame& 
 
 void send_rock_warnings(const RockInstance& instance, const Values& values, const MarramMesh& mesh) {
     const std::string& place = values.at("mesh").place;
+    if (instance.eroded && instance.erosion.pieces > 0)
+        send(instance.host, MARRAM_WARNING, "rock.pieces", place,
+             fmt::format("the rock has fallen apart, or was {} pieces: the largest is kept",
+                         instance.erosion.pieces + 1),
+             "give each piece a rock of its own");
+    if (const double years = rock_erosion_settings(values, mesh).years;
+        instance.eroded && instance.erosion.years < years)
+        send(instance.host, MARRAM_WARNING, "rock.ended_early", values.at("years").place,
+             fmt::format("erosion ended after {:.3g} of {:.3g} years", instance.erosion.years, years),
+             "lower years, or raise voxel: larger voxels allow longer time steps");
     if (mesh.time_count > 1)
         send(instance.host, MARRAM_WARNING, "rock.moves", place,
              fmt::format("the mesh '{}' has motion keys, but worn rock does not move", mesh.name),
@@ -215,8 +224,8 @@ void send_rock_warnings(const RockInstance& instance, const Values& values, cons
 
 } // namespace
 
-bool evaluate_rock(RockInstance& instance, const Values& values, const MarramFrame& frame,
-                   std::span<const MarramMesh> meshes) {
+MarramStatus evaluate_rock(RockInstance& instance, const Values& values, const MarramFrame& frame,
+                           std::span<const MarramMesh> meshes, const MarramStates* states) {
     const MarramMesh& mesh = rock_mesh_named(meshes, values.at("mesh"));
     const bool erodes = values.integer("levels") > 0;
     if (!frame.colliders)
@@ -226,16 +235,30 @@ bool evaluate_rock(RockInstance& instance, const Values& values, const MarramFra
         throw SceneFault("contract.no_device", "", "MarramFrame.device is NULL", "pass Embree's device");
     if (!erodes) copy_mesh(instance, mesh);
     const uint64_t digest = digest_of_rock(instance, meshes);
-    if (digest == instance.digest) return true;
+    if (digest == instance.digest) return MARRAM_OK;
     instance.digest = 0;
-    instance.erosion = {};
-    const RockSurroundings around = rock_surroundings(instance, values, frame, meshes, mesh);
-    if (erodes && !erode_rock(instance, values, around, mesh)) return false;
-    if (!wear_rock(instance, values, frame, around, mesh)) return false;
-    make_rock_maps(instance, values);
+    instance.eroded = false;
+    MarramState kept{};
+    kept.size = sizeof kept;
+    if (!erodes) states = nullptr; // fast enough without
+    if (states && states->load(states->user, frame.frame, &kept) != MARRAM_OK) return MARRAM_ERROR;
+    if (!kept.data || !read_rock({static_cast<const char*>(kept.data), kept.byte_count}, digest, instance)) {
+        const RockSurroundings around = rock_surroundings(instance, values, frame, meshes, mesh);
+        std::optional<LevelSet> eroded;
+        if (erodes && !(eroded = erode_rock(instance, values, around, mesh))) return MARRAM_CANCELLED;
+        if (!wear_rock(instance, values, frame, around, mesh, eroded)) return MARRAM_CANCELLED;
+        instance.eroded = erodes;
+        make_rock_maps(instance, values);
+        if (states) {
+            const std::vector<char> bytes = bytes_of_rock(instance, digest);
+            const MarramState state{sizeof(MarramState), kept.data ? frame.frame : before_all_frames,
+                                    bytes.data(), bytes.size()};
+            if (states->store(states->user, &state) != MARRAM_OK) return MARRAM_ERROR;
+        }
+    }
     instance.digest = digest;
     send_rock_warnings(instance, values, mesh);
-    return true;
+    return MARRAM_OK;
 }
 
 } // namespace marram

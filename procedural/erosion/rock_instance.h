@@ -23,6 +23,15 @@ inline constexpr std::array rock_attributes = {
                     nullptr, 0},
 };
 
+// What erosion did to a rock. Numbers of 8 bytes, as it is stored with the state.
+struct RockErosion {
+    int64_t passes = 0;   // of all levels; 0: the mesh is not eroded
+    uint64_t pieces = 0;  // that were removed from the first level
+    double removed = 0.0; // m^3
+    double years = 0.0;   // simulated
+    double seconds = 0.0;
+};
+
 struct RockInstance {
     MarramHost host{};
     StoredValues values;
@@ -31,8 +40,8 @@ struct RockInstance {
     std::vector<float> positions, normals, uvs; // per vertex: 3 (m), 3 or none, 2 or none
     std::vector<uint32_t> triangles;            // 3 vertices each
     std::vector<float> wear, rate, hardness;    // per vertex; rate: mm a year
-    ErosionResult erosion;                      // no levels if the mesh is not eroded
-    double erosion_seconds = 0.0;
+    bool eroded = false;
+    RockErosion erosion;
     std::array<std::vector<float>, 2> maps; // wear, rate: a pixel each, row by row; or none
     std::array<MarramGrid, 2> grids{};      // point into maps
     GrainReport report;
@@ -40,9 +49,15 @@ struct RockInstance {
 };
 
 // Computes the output unless it is up to date: the mesh, its attributes and images by uv (rock_evaluation.cpp).
-// `meshes`: those of the frame. false: cancelled. Throws SceneFault.
-bool evaluate_rock(RockInstance& instance, const Values& values, const MarramFrame& frame,
-                   std::span<const MarramMesh> meshes);
+// `meshes`: those of the frame. `states`: an eroded rock that the host has kept is taken, a new one is kept; may be
+// NULL. Throws SceneFault.
+MarramStatus evaluate_rock(RockInstance& instance, const Values& values, const MarramFrame& frame,
+                           std::span<const MarramMesh> meshes, const MarramStates* states);
+
+// The output of an eroded rock as bytes, and back (rock_state.cpp). read_rock() returns false, and leaves the
+// instance as it was, if the bytes are not those of a rock with this digest.
+std::vector<char> bytes_of_rock(const RockInstance& instance, uint64_t digest);
+bool read_rock(std::span<const char> bytes, uint64_t digest, RockInstance& instance);
 
 // Bakes wear and wear_rate to images by uv, `map` pixels a side; 0: to none (rock_maps.cpp). Throws SceneFault
 // if the mesh has no uvs.

@@ -4,7 +4,10 @@
 
 #include <gtest/gtest.h>
 
+#include <unistd.h>
+
 #include <cmath>
+#include <filesystem>
 
 namespace marram::testing {
 namespace {
@@ -90,6 +93,57 @@ TEST(Rock, IsErodedOverLevelsOfDetail) {
     EXPECT_GT(mean(world, "wear_rate"), 0.0);
     EXPECT_EQ(scene.update(ball + rock("level = 1\n" + eroded)).at("worn"), MARRAM_EVERYTHING);
     EXPECT_LT(mesh_of(scene.build(), "worn").positions[0].size(), worn.positions[0].size());
+}
+
+// A second build, also in another run, does not erode again, and its bits are the same.
+TEST(Rock, IsErodedOnce) {
+    const std::string text = ball + rock("sand_level = 0\nspeed = 12\nheight = 1\nlevels = 1\nvoxel = 0.1\n"
+                                         "years = 500\n");
+    namespace fs = std::filesystem;
+    const fs::path folder = fs::temp_directory_path() / ("marram_rock_" + std::to_string(::getpid()));
+    fs::remove_all(folder);
+    std::vector<MeshGeometry> rocks;
+    const auto seconds = [&](const std::string& scene_text, double frame) {
+        TestScene scene(scene_text);
+        scene.settings.state_folder = folder.string();
+        scene.settings.frame = frame;
+        const World world = scene.build();
+        rocks.push_back(mesh_of(world, "worn"));
+        return scene.stats.report("rock.erosion_seconds");
+    };
+    EXPECT_GT(seconds(text, 3.0), 0.0);
+    EXPECT_EQ(seconds(text, 3.0), 0.0);
+    EXPECT_EQ(seconds(text, 1.0), 0.0); // an earlier frame: nothing moves
+    for (const MeshGeometry& other : rocks) {
+        EXPECT_EQ(other.positions, rocks[0].positions);
+        EXPECT_EQ(other.triangles, rocks[0].triangles);
+        EXPECT_EQ(other.normals, rocks[0].normals);
+        for (const char* name : {"wear", "wear_rate", "hardness"})
+            EXPECT_EQ(find_attribute(other.attributes, name)->values,
+                      find_attribute(rocks[0].attributes, name)->values);
+    }
+    EXPECT_GT(seconds(text + "hardness = 2\n", 3.0), 0.0);
+    fs::remove_all(folder);
+}
+
+// A rock whose mesh moves is eroded anew where it stands.
+TEST(Rock, IsErodedAnewWhereItsMeshHasMoved) {
+    const std::string moving = mesh("ball", "sphere",
+                                    "radius = 1\ntransform = { keys = [{ frame = 1, translate = [0, 1, 0] }, "
+                                    "{ frame = 9, translate = [0, 2, 0] }] }");
+    const std::string text = moving + rock("sand_level = 0\nspeed = 12\nheight = 1\nlevels = 1\n"
+                                           "voxel = 0.1\nyears = 500\n");
+    TestScene scene(text);
+    const auto lowest = [&](double frame) {
+        scene.settings.frame = frame;
+        const World world = scene.build();
+        float least = 1e9F;
+        for (const Vec3f& p : mesh_of(world, "worn").positions[0]) least = std::min(least, p.y());
+        return least;
+    };
+    const float first = lowest(1.0);
+    EXPECT_NEAR(lowest(9.0) - first, 1.0F, 0.02F);
+    EXPECT_EQ(lowest(1.0), first);
 }
 
 TEST(Rock, FaultsNameTheirPlace) {

@@ -1,0 +1,86 @@
+// SPDX-License-Identifier: Apache-2.0
+// The state of an eroded rock: its whole output.
+#include "procedural/erosion/rock_instance.h"
+#include "procedural/state_bytes.h"
+
+#include <utility>
+
+namespace marram {
+namespace {
+
+constexpr uint64_t rock_state_format = 0x6d617272616d5201; // the last byte is the format version
+
+// Those fields of a GrainReport that a rock reports. Seconds are not kept: they are those of this run.
+struct RockGrains {
+    uint64_t grains = 0, rays = 0, hits = 0;
+    int64_t worn = 0;
+    double volume = 0.0;
+};
+
+// True if the lists belong to one mesh.
+bool whole_rock(const RockInstance& rock) {
+    const size_t vertices = rock.positions.size() / 3;
+    if (rock.positions.size() != 3 * vertices || rock.normals.size() != 3 * vertices ||
+        rock.triangles.size() % 3 != 0 || rock.wear.size() != vertices || rock.rate.size() != vertices ||
+        rock.hardness.size() != vertices)
+        return false;
+    for (const uint32_t v : rock.triangles)
+        if (v >= vertices) return false;
+    return true;
+}
+
+} // namespace
+
+std::vector<char> bytes_of_rock(const RockInstance& rock, uint64_t digest) {
+    StateWriter out;
+    out.add(rock_state_format);
+    out.add(digest);
+    out.add(rock.erosion);
+    out.add(RockGrains{rock.report.grains, rock.report.rays, rock.report.worn_hits, rock.report.worn,
+                       rock.report.volume});
+    out.add_list(rock.positions);
+    out.add_list(rock.normals);
+    out.add_list(rock.triangles);
+    out.add_list(rock.wear);
+    out.add_list(rock.rate);
+    out.add_list(rock.hardness);
+    return std::move(out.bytes);
+}
+
+bool read_rock(std::span<const char> bytes, uint64_t digest, RockInstance& instance) {
+    StateReader in(bytes);
+    uint64_t format = 0, stored_digest = 0;
+    RockInstance rock;
+    RockGrains grains;
+    in.get(format);
+    in.get(stored_digest);
+    if (format != rock_state_format || stored_digest != digest) return false;
+    in.get(rock.erosion);
+    in.get(grains);
+    in.get_list(rock.positions);
+    in.get_list(rock.normals);
+    in.get_list(rock.triangles);
+    in.get_list(rock.wear);
+    in.get_list(rock.rate);
+    in.get_list(rock.hardness);
+    if (!in.at_end() || !whole_rock(rock)) return false;
+    instance.eroded = true;
+    instance.erosion = rock.erosion;
+    instance.erosion.seconds = 0.0;
+    instance.positions = std::move(rock.positions);
+    instance.normals = std::move(rock.normals);
+    instance.uvs.clear();
+    instance.triangles = std::move(rock.triangles);
+    instance.wear = std::move(rock.wear);
+    instance.rate = std::move(rock.rate);
+    instance.hardness = std::move(rock.hardness);
+    instance.report = {};
+    instance.report.grains = grains.grains;
+    instance.report.rays = grains.rays;
+    instance.report.worn_hits = grains.hits;
+    instance.report.worn = grains.worn;
+    instance.report.volume = grains.volume;
+    return true;
+}
+
+} // namespace marram

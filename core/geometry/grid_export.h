@@ -23,4 +23,9 @@ void write_grids(const std::string& path, const MeshGeometry& mesh);
 // several components get _0, _1, ...
 void write_surface_ply(const std::string& path, const MeshGeometry& mesh);
 
+// A closed mesh at the first motion sample as an OpenVDB level set: a narrow band of three voxels on either side. The
+// voxels are as large as two triangles on average, and at most a hundredth of the mesh. Attributes are left out. The
+// file has a random identifier. Throws InputError if the mesh is not closed.
+void write_level_set(const std::string& path, const MeshGeometry& mesh);
+
 } // namespace marram

@@ -25,26 +25,6 @@ constexpr size_t vertices_a_task = 4096;
 
 // ---- Vertex normals
 
-// For each vertex, the first one with the same position. An open hash table over the positions' bits.
-std::vector<uint32_t> weld(std::span<const Vec3f> positions) {
-    const size_t slots = std::bit_ceil(positions.size() * 2 + 1);
-    std::vector<uint32_t> table(slots, none);
-    std::vector<uint32_t> first(positions.size());
-    for (uint32_t v = 0; v < positions.size(); ++v) {
-        const Vec3f p = positions[v] + Vec3f::Zero(); // -0 becomes 0
-        uint64_t hash = 0;
-        for (int axis = 0; axis < 3; ++axis) {
-            hash = (hash ^ std::bit_cast<uint32_t>(p[axis])) * 0x9e3779b97f4a7c15ull; // golden ratio
-            hash ^= hash >> 32;
-        }
-        size_t slot = hash & (slots - 1);
-        while (table[slot] != none && positions[table[slot]] != positions[v]) slot = (slot + 1) & (slots - 1);
-        if (table[slot] == none) table[slot] = v;
-        first[v] = table[slot];
-    }
-    return first;
-}
-
 // The corners (3 * triangle + k) at each welded vertex, in the triangles' order.
 struct Fans {
     std::vector<uint64_t> begin; // positions.size() + 1
@@ -132,6 +112,26 @@ void finish_normals(Mesh& mesh, bool smooth) {
 
 } // namespace
 
+// An open hash table over the positions' bits.
+std::vector<uint32_t> weld(std::span<const Vec3f> positions) {
+    const size_t slots = std::bit_ceil(positions.size() * 2 + 1);
+    std::vector<uint32_t> table(slots, none);
+    std::vector<uint32_t> first(positions.size());
+    for (uint32_t v = 0; v < positions.size(); ++v) {
+        const Vec3f p = positions[v] + Vec3f::Zero(); // -0 becomes 0
+        uint64_t hash = 0;
+        for (int axis = 0; axis < 3; ++axis) {
+            hash = (hash ^ std::bit_cast<uint32_t>(p[axis])) * 0x9e3779b97f4a7c15ull; // golden ratio
+            hash ^= hash >> 32;
+        }
+        size_t slot = hash & (slots - 1);
+        while (table[slot] != none && positions[table[slot]] != positions[v]) slot = (slot + 1) & (slots - 1);
+        if (table[slot] == none) table[slot] = v;
+        first[v] = table[slot];
+    }
+    return first;
+}
+
 std::vector<Vec3f> vertex_normals(std::span<const Vec3f> positions, std::span<const Triangle> triangles) {
     const std::vector<uint32_t> first = weld(positions);
     const Fans fans = fans_of(first, triangles);
@@ -149,11 +149,13 @@ std::vector<Vec3f> vertex_normals(std::span<const Vec3f> positions, std::span<co
 
 Mesh load_mesh(const std::string& path, bool smooth) {
     const std::string extension = extension_of(path);
-    if (extension != ".obj" && extension != ".ply")
+    if (extension != ".obj" && extension != ".ply" && extension != ".vdb")
         throw InputError(Place{path}, fmt::format("meshes of the type \"{}\" are not known", extension),
-                         "save it as .obj or .ply");
-    std::string bytes = read_bytes(path, ".obj or .ply");
-    Mesh mesh = extension == ".obj" ? read_obj(path, bytes) : read_ply(path, bytes);
+                         "save it as .obj, .ply or .vdb");
+    std::string bytes = read_bytes(path, ".obj, .ply or .vdb");
+    Mesh mesh = extension == ".obj"   ? read_obj(path, bytes)
+                : extension == ".ply" ? read_ply(path, bytes)
+                                      : read_vdb(path, bytes);
     if (mesh.triangles.empty())
         throw InputError(Place{path}, "has no triangles",
                          "check that the surface was exported, not only its points");

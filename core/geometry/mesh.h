@@ -21,13 +21,14 @@ struct Mesh {
     std::vector<std::array<uint32_t, 3>> triangles; // anticlockwise seen from outside
 };
 
-// Reads .obj, or .ply (ascii, binary of either byte order). Polygons are triangulated, including concave
+// Reads .obj, .ply (ascii, binary of either byte order), or the surface of the first level set of floats in an OpenVDB
+// file: one vertex in each cell that it crosses, within h^2 / R of a sphere of radius R with voxels of h. Polygons are triangulated, including concave
 // ones. OBJ vertices with several uvs or normals are duplicated: the first stays at its place in the file,
 // the others follow at the end. Normals come from the file; corners without one get that of vertex_normals().
 // Without any normals in the file, `smooth` selects vertex_normals() or facets. Materials, groups, lines,
 // points, colours and free-form surfaces are ignored. Throws InputError with line and column (binary PLY:
 // element and number) for: syntax errors, counts that do not match, indices out of range, polygons of fewer
-// than 3 or more than 10,000 corners, numbers that are not finite, coordinates beyond 1e18 (Embree silently
+// than 3 or more than 10,000 corners, level sets that are no narrow band, numbers that are not finite, coordinates beyond 1e18 (Embree silently
 // drops such vertices), no triangles, more than 2^32 - 2 vertices or triangles. Cost: about 1 s for a million
 // triangles as OBJ, 0.2 s as binary PLY, without smoothing.
 Mesh load_mesh(const std::string& path, bool smooth);
@@ -40,6 +41,9 @@ Mesh load_mesh(const std::string& path, bool smooth);
 // triangles on one core.
 std::vector<Vec3f> vertex_normals(std::span<const Vec3f> positions,
                                   std::span<const std::array<uint32_t, 3>> triangles);
+
+// For each vertex, the first one with the same position.
+std::vector<uint32_t> weld(std::span<const Vec3f> positions);
 
 // ---- Built-in meshes
 //

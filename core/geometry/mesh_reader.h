@@ -18,10 +18,11 @@ inline constexpr uint32_t greatest_polygon = 10000; // corners; concave ones tak
 inline constexpr uint64_t greatest_count =
     0xffffffffu - 1; // of vertices, of triangles; also keeps ~0u free as "none"
 
-// Both parse a whole file. The mesh's normals, if any, need not be unit yet; a zero stands for a missing one.
+// Each parses a whole file. The mesh's normals, if any, need not be unit yet; a zero stands for a missing one.
 // They may overwrite `bytes`.
 Mesh read_obj(const std::string& path, std::string& bytes);
 Mesh read_ply(const std::string& path, std::string& bytes);
+Mesh read_vdb(const std::string& path, std::string& bytes);
 
 // Reads a whole file. kinds, for messages: ".obj or .ply". Throws InputError if it cannot be read.
 std::string read_bytes(const std::string& path, const char* kinds);

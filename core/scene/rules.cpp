@@ -160,7 +160,7 @@ void check_rules(const SceneDescription& scene, const std::vector<Name>& names, 
         reading.report(pixels->place, "tolerance and tolerance_pixels are both given", "keep one of them");
     check_camera(scene.camera, reading);
     check_lights(scene.lights, reading);
-    check_files(scene.meshes, "mesh", "file", {".obj", ".ply"}, reading);
+    check_files(scene.meshes, "mesh", "file", {".obj", ".ply", ".vdb"}, reading);
     check_files(scene.curves, "curves", "strands", {".hair", ".usda", ".ply", ".obj"}, reading);
     check_all_references(scene, names, reading);
 }

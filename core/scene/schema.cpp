@@ -97,7 +97,8 @@ std::vector<ItemSchema> mesh_types() {
         mesh_type(
             "file", "triangles from a file",
             {{"file", file, "", "", -any, any, "numbered",
-              "an .obj or .ply file; of a mesh that deforms #### is the frame's number"},
+              "an .obj or .ply file, or a .vdb with a level set; of a mesh that deforms #### is the frame's "
+              "number"},
              {"file_frames", range, "frames", "none", -late, late, "",
               "first and last frame that there is a file of: the mesh deforms, straight from frame to frame; "
               "all are read"},

@@ -21,7 +21,7 @@ MarramStage stage_of(const std::string& name) {
 }
 
 // What a file format can hold.
-enum class Baked { strands, strands_or_surface, surface_or_strands, grids };
+enum class Baked { strands, strands_or_surface, surface_or_strands, surface, grids };
 
 struct BakedFormat {
     const char* extension;
@@ -31,6 +31,7 @@ constexpr BakedFormat baked_formats[] = {{".hair", Baked::strands},
                                          {".usda", Baked::strands},
                                          {".obj", Baked::strands_or_surface},
                                          {".ply", Baked::surface_or_strands},
+                                         {".vdb", Baked::surface},
                                          {".exr", Baked::grids},
                                          {".png", Baked::grids},
                                          {".tif", Baked::grids},
@@ -46,18 +47,34 @@ const BakedFormat* baked_format(const std::string& extension) {
     return found == std::end(baked_formats) ? nullptr : found;
 }
 
-// The only mesh with grids. Throws InputError if there is none or more than one.
-const MeshGeometry& mesh_with_grids(const World& world, const std::string& output) {
-    const MeshGeometry* found = nullptr;
-    for (const MeshGeometry& mesh : world.meshes) {
-        if (mesh.grids.empty()) continue;
-        if (found)
-            throw InputError({output}, "'" + found->name + "' and '" + mesh.name + "' both hand out grids",
-                             "bake a scene with one of them");
-        found = &mesh;
-    }
-    if (!found) throw InputError({output}, "no mesh of the scene has grids", "bake a scene with a terrain");
-    return *found;
+// The only mesh of those given. `what` they have, for messages. Throws InputError if there is none or more than one.
+const MeshGeometry& only_one(const std::vector<const MeshGeometry*>& meshes, const std::string& output,
+                             const std::string& what, const std::string& remedy) {
+    if (meshes.empty()) throw InputError({output}, "no mesh of the scene " + what, remedy);
+    if (meshes.size() > 1)
+        throw InputError({output},
+                         "'" + meshes[0]->name + "' and '" + meshes[1]->name +
+                             "' are both meshes that each " + what,
+                         "bake a scene with one of them");
+    return *meshes[0];
+}
+
+std::vector<const MeshGeometry*> meshes_with_grids(const World& world) {
+    std::vector<const MeshGeometry*> found;
+    for (const MeshGeometry& mesh : world.meshes)
+        if (!mesh.grids.empty()) found.push_back(&mesh);
+    return found;
+}
+
+// The surface that a procedural has made: a terrain's before that of a rock.
+const MeshGeometry& baked_surface(const Shot& shot, const World& world, const std::string& output) {
+    std::vector<const MeshGeometry*> found = meshes_with_grids(world);
+    if (found.empty())
+        for (const MeshGeometry& mesh : world.meshes)
+            for (const auto& procedural : shot.geometry.procedurals)
+                if (procedural->kind() == MARRAM_MESH && procedural->name() == mesh.name)
+                    found.push_back(&mesh);
+    return only_one(found, output, "is made by a procedural", "bake a scene with a terrain or a rock");
 }
 
 bool makes_strands(const Shot& shot) {
@@ -65,19 +82,15 @@ bool makes_strands(const Shot& shot) {
                                [](const auto& p) { return p->kind() == MARRAM_CURVES; });
 }
 
-bool has_grids(const World& world) {
-    return std::ranges::any_of(world.meshes, [](const MeshGeometry& mesh) { return !mesh.grids.empty(); });
-}
-
 } // namespace
 
 void check_baked_formats(const BakeSettings& settings) {
     const std::string extension = extension_of_output(settings);
     if (!baked_format(extension))
-        throw InputError({settings.output}, "nothing is written in the format '" + extension + "'",
-                         "name it .hair, .usda, .ply or .obj for strands, .obj or .ply for the surface of a "
-                         "terrain, .exr, "
-                         ".tif, .tiff or .png for its grids");
+        throw InputError(
+            {settings.output}, "nothing is written in the format '" + extension + "'",
+            "name it .hair, .usda, .ply or .obj for strands, .obj or .ply for the surface of a "
+            "terrain or rock, .vdb for a rock as a level set, .exr, .tif, .tiff or .png for grids");
     const std::string meshes = std::filesystem::path(settings.colliders).extension().string();
     if (!settings.colliders.empty() && meshes != ".obj" && meshes != ".usda")
         throw InputError({settings.colliders}, "colliders are written as .obj or .usda",
@@ -113,17 +126,20 @@ BuildSettings build_settings_for_bake(const Shot& shot, const BakeSettings& sett
 void write_baked(const Shot& shot, const World& world, const BakeSettings& settings,
                  const std::string& output) {
     const Baked what = baked_format(extension_of_output(settings))->what;
-    const bool strands = what == Baked::strands ||
-                         (what == Baked::strands_or_surface && makes_strands(shot)) ||
-                         (what == Baked::surface_or_strands && makes_strands(shot) && !has_grids(world));
+    const bool strands =
+        what == Baked::strands || (what == Baked::strands_or_surface && makes_strands(shot)) ||
+        (what == Baked::surface_or_strands && makes_strands(shot) && meshes_with_grids(world).empty());
     if (strands)
         return write_curves(output, world.curves, world.frame, shot.description.globals.number("fps"));
-    const MeshGeometry& mesh = mesh_with_grids(world, output);
-    if (what == Baked::grids) return write_grids(output, mesh);
+    if (what == Baked::grids)
+        return write_grids(output, only_one(meshes_with_grids(world), output, "hands out grids",
+                                            "bake a scene with a terrain, or a rock with map"));
+    const MeshGeometry& mesh = baked_surface(shot, world, output);
     if (!settings.attributes.empty())
         throw InputError({"--attributes"}, "'" + output + "' is the surface of '" + mesh.name + "'",
                          "bake strands to .usda, or leave --attributes out");
     if (output.ends_with(".ply")) return write_surface_ply(output, mesh);
+    if (output.ends_with(".vdb")) return write_level_set(output, mesh);
     write_colliders_obj(output, std::span(&mesh, 1));
 }
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Rock as a level set. Signed distance phi (metres, negative in rock) on a sparse grid of cubic voxels of
-// edge h, stored by OpenVDB in a narrow band of 3 h on both sides of the surface. This is the only file that
-// includes OpenVDB.
+// edge h, stored by OpenVDB in a narrow band of 3 h on both sides of the surface. This is the only file of the
+// plug-in that includes OpenVDB.
 //
 // Mesh. One vertex in each cell of eight voxels that the surface crosses, and one quad around each edge whose
 // ends have opposite signs (surface nets: S. Gibson, "Constrained Elastic Surface Nets", MICCAI 1998). A
@@ -38,7 +38,6 @@
 #include "procedural/parallel.h"
 
 #include <openvdb/Grid.h>
-#include <openvdb/io/File.h>
 #include <openvdb/openvdb.h>
 #include <openvdb/tools/LevelSetUtil.h>
 #include <openvdb/tools/MeshToVolume.h>
@@ -78,7 +77,7 @@ constexpr float least_inside_cell = 0.02F;
 constexpr int relaxing_steps = 3;
 constexpr float relaxing_step = 0.5F; // in h
 
-// In this file phi is in voxels; only grids in files are in metres.
+// In this file phi is in voxels.
 
 // A leaf and its 26 neighbours, or the values of tiles in their place.
 template <typename Tree>
@@ -549,26 +548,6 @@ struct LevelSet::Data {
     void extract();
 };
 
-namespace {
-
-// Converts a grid of any band width to a tree of distances in voxels. unit: voxel size in units of the grid's
-// values.
-FloatTree::Ptr tree_in_voxels(const FloatGrid& grid, double unit) {
-    auto tree = std::make_shared<FloatTree>(grid.tree());
-    Leaves leaves(*tree);
-    for_leaves(leaves, [&](size_t begin, size_t end) {
-        for (size_t n = begin; n < end; ++n) {
-            float* const phi = leaves.leaf(n).buffer().data();
-            for (int at = 0; at < leaf_size; ++at) phi[at] = float(double(phi[at]) / unit);
-        }
-    });
-    tree->root().setBackground(band, true);
-    trim(*tree, leaves);
-    return tree;
-}
-
-} // namespace
-
 void LevelSet::Data::extract() {
     if (meshed) return;
     mesh = {};
@@ -708,92 +687,11 @@ LevelSet LevelSet::from_mesh(std::span<const float> positions, std::span<const u
     const FloatGrid::Ptr grid = band_around(positions, kept, voxel, band);
     auto data = std::make_unique<Data>();
     data->voxel = voxel;
-    data->phi = tree_in_voxels(*grid, 1.0);
+    data->phi = grid->treePtr();
+    data->phi->root().setBackground(band, true);
+    Leaves leaves(*data->phi);
+    trim(*data->phi, leaves);
     return LevelSet(std::move(data));
-}
-
-LevelSet LevelSet::read(const std::string& file) {
-    openvdb::initialize();
-    FloatGrid::Ptr grid;
-    try {
-        openvdb::io::File in(file);
-        in.open(false);
-        for (auto name = in.beginName(); name != in.endName() && !grid; ++name) {
-            const auto meta = in.readGridMetadata(name.gridName());
-            if (meta->isType<FloatGrid>() && meta->getGridClass() == openvdb::GRID_LEVEL_SET)
-                grid = openvdb::gridPtrCast<FloatGrid>(in.readGrid(name.gridName()));
-        }
-    } catch (const std::bad_alloc&) {
-        throw LevelSetError(file + " does not fit into memory, or is damaged");
-    } catch (const std::exception& error) {
-        throw LevelSetError(file + " cannot be read: " + error.what());
-    }
-    if (!grid) throw LevelSetError(file + " holds no level set of floats");
-    const openvdb::math::Transform& transform = grid->transform();
-    if (!transform.isLinear() || !grid->hasUniformVoxels())
-        throw LevelSetError(file + ": its voxels are not cubes");
-    const double voxel = grid->voxelSize()[0];
-    if (!(voxel > 0.0) || !std::isfinite(voxel)) throw LevelSetError(file + ": its voxels have no size");
-    if (grid->activeVoxelCount() == 0) throw LevelSetError(file + " is empty");
-    if (double(grid->activeVoxelCount()) > most_voxels)
-        throw LevelSetError(file + " has more than 2^27 voxels");
-    for (auto value = grid->cbeginValueOn(); value; ++value) {
-        if (!value.isVoxelValue()) throw LevelSetError(file + " is not a narrow band: a tile is active");
-        if (!std::isfinite(*value)) throw LevelSetError(file + ": a distance is not a number, or infinite");
-    }
-    auto data = std::make_unique<Data>();
-    data->voxel = voxel;
-    const openvdb::Vec3d shift = transform.indexToWorld(openvdb::Vec3d(0.0));
-    const openvdb::Vec3d along = transform.indexToWorld(openvdb::Vec3d(1.0, 0.0, 0.0)) - shift;
-    const bool ours =
-        shift.lengthSqr() == 0.0 && along[0] > 0.0 && grid->background() >= float(band * voxel) * 0.999F &&
-        (along - openvdb::Vec3d(voxel, 0.0, 0.0)).length() < 1e-6 * voxel &&
-        (transform.indexToWorld(openvdb::Vec3d(0.0, 1.0, 0.0)) - openvdb::Vec3d(0.0, voxel, 0.0)).length() <
-            1e-6 * voxel;
-    if (ours) {
-        data->phi = tree_in_voxels(*grid, voxel);
-        return LevelSet(std::move(data));
-    }
-    // A different transform or band width: resample via the mesh of its surface.
-    data->phi = tree_in_voxels(*grid, voxel);
-    data->voxel = 1.0;
-    data->extract();
-    if (data->mesh.triangles.empty()) throw LevelSetError(file + " holds no surface");
-    for (size_t v = 0; v < data->mesh.positions.size(); v += 3) {
-        float* const p = data->mesh.positions.data() + v;
-        const openvdb::Vec3d world =
-            transform.indexToWorld(openvdb::Vec3d{double(p[0]), double(p[1]), double(p[2])});
-        for (int axis = 0; axis < 3; ++axis) p[axis] = float(world[axis]);
-    }
-    try {
-        return from_mesh(data->mesh.positions, data->mesh.triangles, voxel);
-    } catch (const LevelSetError& error) {
-        throw LevelSetError(file + " cannot be used: " + error.what());
-    }
-}
-
-void LevelSet::write(const std::string& file) const {
-    openvdb::initialize();
-    auto tree = std::make_shared<FloatTree>(*data_->phi);
-    const Leaves leaves(*tree);
-    for_leaves(leaves, [&](size_t begin, size_t end) {
-        for (size_t n = begin; n < end; ++n) {
-            float* const phi = leaves.leaf(n).buffer().data();
-            for (int at = 0; at < leaf_size; ++at) phi[at] = float(double(phi[at]) * data_->voxel);
-        }
-    });
-    tree->root().setBackground(float(double(band) * data_->voxel), true);
-    const FloatGrid::Ptr grid = FloatGrid::create(tree);
-    grid->setTransform(openvdb::math::Transform::createLinearTransform(data_->voxel));
-    grid->setGridClass(openvdb::GRID_LEVEL_SET);
-    grid->setName("rock");
-    try {
-        openvdb::io::File out(file);
-        out.write({grid});
-        out.close();
-    } catch (const std::exception& error) {
-        throw LevelSetError(file + " cannot be written: " + error.what());
-    }
 }
 
 double LevelSet::voxel() const { return data_->voxel; }

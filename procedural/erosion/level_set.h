@@ -25,7 +25,7 @@ struct LevelMesh {
 double mesh_area(const LevelMesh& mesh);   // m^2
 double mesh_volume(const LevelMesh& mesh); // m^3
 
-// Error in a mesh, a file or a voxel size; the message is for the user.
+// Error in a mesh or a voxel size; the message is for the user.
 struct LevelSetError : std::runtime_error {
     using std::runtime_error::runtime_error;
 };
@@ -37,9 +37,6 @@ class LevelSet {
     // number of triangles. Orientation does not matter; triangles without area are ignored.
     static LevelSet from_mesh(std::span<const float> positions, std::span<const uint32_t> triangles,
                               double voxel);
-    // Reads the first level set of a .vdb file.
-    static LevelSet read(const std::string& file);
-    void write(const std::string& file) const;
 
     LevelSet(LevelSet&&) noexcept;
     LevelSet& operator=(LevelSet&&) noexcept;

@@ -10,11 +10,8 @@
 #include <tbb/global_control.h>
 
 #include <cstdio>
-#include <filesystem>
-#include <fstream>
 #include <limits>
 #include <string>
-#include <unistd.h>
 
 namespace marram::testing {
 namespace {
@@ -199,46 +196,6 @@ TEST(LevelSet, IsTheSameForAnyNumberOfThreads) {
     const LevelMesh one = worn(1), two = worn(2);
     EXPECT_EQ(one.positions, two.positions);
     EXPECT_EQ(one.triangles, two.triangles);
-}
-
-struct RockFile {
-    std::string path =
-        (std::filesystem::temp_directory_path() / ("level_set_test_" + std::to_string(::getpid()) + ".vdb"))
-            .string();
-    ~RockFile() { std::filesystem::remove(path); }
-};
-
-TEST(LevelSet, IsWrittenAndReadBack) {
-    const RockFile file;
-    LevelSet rock = level_set_of(
-        rock_box(Vec3d::Zero(), {0.5, 0.4, 0.3}, Eigen::AngleAxisd(0.7, Vec3d::UnitX()).toRotationMatrix()),
-        0.04);
-    rock.advance(patchy_wear(rock.mesh(), 0.04, 1));
-    rock.write(file.path);
-    LevelSet back = LevelSet::read(file.path);
-    EXPECT_DOUBLE_EQ(back.voxel(), 0.04);
-    ASSERT_EQ(back.mesh().triangles, rock.mesh().triangles);
-    for (size_t k = 0; k < back.mesh().positions.size(); ++k)
-        EXPECT_NEAR(back.mesh().positions[k], rock.mesh().positions[k], 1e-6);
-    EXPECT_THROW(rock.write("/nowhere/rock.vdb"), LevelSetError);
-}
-
-TEST(LevelSet, RefusesFilesThatAreNoRock) {
-    const RockFile file;
-    EXPECT_THROW(LevelSet::read("/nowhere/rock.vdb"), LevelSetError);
-    std::ofstream(file.path) << "this is not a level set";
-    EXPECT_THROW(LevelSet::read(file.path), LevelSetError);
-    level_set_of(rock_sphere(Vec3d::Zero(), 1.0, 40), 0.1).write(file.path);
-    std::string whole;
-    {
-        std::ifstream in(file.path, std::ios::binary);
-        whole.assign(std::istreambuf_iterator<char>(in), {});
-    }
-    for (const double share : {0.0, 0.05, 0.3, 0.6, 0.9, 0.99}) {
-        std::ofstream(file.path, std::ios::binary | std::ios::trunc)
-            .write(whole.data(), long(share * double(whole.size())));
-        EXPECT_THROW(LevelSet::read(file.path), LevelSetError) << share;
-    }
 }
 
 TEST(LevelSet, RefusesMeshesThatAreNoRock) {

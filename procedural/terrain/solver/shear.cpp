@@ -17,11 +17,11 @@
 // linearising |u| u gives cross = 1/2; Weng's terms for z0 = 0.1 mm and waves of 20 m give 1 or more. With
 // 1/2 the horns of a barchan point outwards; with 1 sand leaves its flanks sideways; 0.75 is between.
 //
-// B / A sets the ratio of a dune's length to its height. A = 3.5, B = 2 (z0 of 1 mm) gives the first waves of
-// a flat bed their natural length (21 L_sat), but barchans 0.55 to 0.6 times as long as field measurements.
-// With B = 1.4, cross = 1/2 and side_slope = 0.3 (transport.cpp) barchans of 4 to 6 m have widths and lengths
-// within 30 % of those, but first waves are half as long again and slip faces narrow. One pair of numbers
-// without logarithms cannot match both.
+// Length of dunes. A = 3.5, B = 2 (z0 of 1 mm) gives the first waves of a flat bed their natural length, 21 L_sat. How
+// long a barchan of some height is depends on the wind: where the flux has to fall to 0, at its foot, the stress falls
+// to the threshold. The weaker the wind, the smaller this fall, and the slope that makes it. At u* = 0.36 m/s
+// (threshold 0.22) widths and lengths are within 30 % of lines through field data, at 0.4 m/s within 31 %, at 0.5 m/s
+// lengths are a little over half (build/dune_solver barchans 7 0.5).
 //
 // Transforms: pairs of columns are the real and imaginary part of one transform. The spectrum is kept only
 // for row wave numbers 0 ... rows / 2. The inverse transform returns along as the real and across as the

@@ -3,7 +3,8 @@
 //
 //     dune_solver waves         growth and speed of small waves against linear theory
 //     dune_solver speed         time per cell and step, by stage
-//     dune_solver barchans [n] [B]  height, width, length and celerity of n sizes after three turnovers (6)
+//     dune_solver barchans [n] [u*] [B]  height, width, length and celerity of n sizes after three turnovers (7; the
+//                               smallest has no slip face)
 //     dune_solver ridges [B]    transverse ridges: celerity against the flux over the brink
 //     dune_solver directions    orientation of crests on a sand-covered bed under pairs of winds
 //     dune_solver fingers [DIR] orientation of what extends from a source of sand on hard ground
@@ -124,7 +125,7 @@ struct DuneFigures {
     double height = 0.0, width = 0.0, length = 0.0; // metres; length: foot to brink in the middle row
     double volume = 0.0, x = 0.0, middle = 0.0;     // x: centre of mass; middle: its row
     double brink = 0.0, slip_foot = 0.0;            // heights
-    int brink_column = 0, slip_column = 0;          // in the middle row, downwind of the crest
+    int brink_column = 0, slip_column = 0; // in the middle row, downwind of the crest; the same: no slip face
 };
 
 // Measures the sand higher than `foot` on a periodic grid, with the wind along +x.
@@ -172,11 +173,10 @@ DuneFigures measure_dune(const Domain& domain, const std::vector<SandUnits>& san
     return f;
 }
 
-void print_barchans(int count, double out_of_phase) {
+void print_barchans(int count, double shear_velocity, double out_of_phase) {
     DuneSolverSettings settings;
     settings.shear.out_of_phase = out_of_phase;
-    const double shear_velocity = 0.5,
-                 flux = settings.physics.saturated_flux(shear_velocity) / settings.physics.bulk_density;
+    const double flux = settings.physics.saturated_flux(shear_velocity) / settings.physics.bulk_density;
     std::printf(
         "barchans: constant volume, u* = %.2f m/s, Q = %.3g m^2/s, B = %.2f; field: W = 8.6 H + 8.8, L = "
         "5.5 H + 10.8\n",
@@ -184,6 +184,7 @@ void print_barchans(int count, double out_of_phase) {
     std::printf("%6s %9s %7s %7s %7s %7s %7s %9s %9s %8s\n", "cell", "volume", "H", "W", "field", "L",
                 "field", "c m/year", "Q / c m", "steps");
     std::vector<std::array<double, 2>> points;
+    double width_error = 0.0, length_error = 0.0;
     for (int k = 0; k < count; ++k) {
         const double height = 2.5 * std::pow(1.35, k), cell = std::max(0.5, height / 4.0);
         const int n = 128;
@@ -202,23 +203,36 @@ void print_barchans(int count, double out_of_phase) {
         solver.advance(wind, 3.0 * turnover);
         DuneFigures mean, before;
         double travelled = 0.0;
+        int with_slip_face = 0;
         const int samples = 40;
         for (int s = 0; s <= samples; ++s) {
             solver.sand(sand);
             const DuneFigures f = measure_dune(domain, sand, 0.04 * height);
             mean.height += f.height / (samples + 1), mean.width += f.width / (samples + 1);
             mean.length += f.length / (samples + 1), mean.volume = f.volume;
+            with_slip_face += f.slip_column > f.brink_column;
             if (s > 0) travelled += std::remainder(f.x - before.x, n * cell);
             before = f;
             if (s < samples) solver.advance(wind, turnover / samples);
         }
         const double c = travelled / turnover;
-        std::printf("%6.2f %9.0f %7.2f %7.1f %7.1f %7.1f %7.1f %9.2f %9.2f %8d\n", cell, mean.volume,
-                    mean.height, mean.width, 8.6 * mean.height + 8.8, mean.length, 5.5 * mean.height + 10.8,
-                    c * seconds_per_year, flux / c, int(solver.steps()));
+        const double field_width = 8.6 * mean.height + 8.8, field_length = 5.5 * mean.height + 10.8;
+        std::printf("%6.2f %9.0f %7.2f %7.1f %7.1f %7.1f %7.1f %9.2f %9.2f %8d", cell, mean.volume,
+                    mean.height, mean.width, field_width, mean.length, field_length, c * seconds_per_year,
+                    flux / c, int(solver.steps()));
+        if (with_slip_face == samples + 1) {
+            points.push_back({mean.height, flux / c});
+            width_error = std::max(width_error, std::abs(mean.width / field_width - 1.0));
+            length_error = std::max(length_error, std::abs(mean.length / field_length - 1.0));
+            std::printf("\n");
+        } else {
+            std::printf("  no slip face at %d of %d times: not a barchan\n", samples + 1 - with_slip_face,
+                        samples + 1);
+        }
         std::fflush(stdout);
-        points.push_back({mean.height, flux / c});
     }
+    std::printf("%zu barchans: greatest difference from the field's lines: W %.1f %%, L %.1f %%\n",
+                points.size(), 100.0 * width_error, 100.0 * length_error);
     if (points.size() < 3) return;
     double sh = 0.0, sy = 0.0, shh = 0.0, shy = 0.0, syy = 0.0;
     for (const auto& [h, y] : points) sh += h, sy += y, shh += h * h, shy += h * y, syy += y * y;
@@ -419,8 +433,8 @@ int main(int argc, char** argv) {
     else if (is("speed"))
         marram::print_speed();
     else if (is("barchans"))
-        marram::print_barchans(argc > 2 ? std::atoi(argv[2]) : 6,
-                               argc > 3 ? std::atof(argv[3]) : marram::ShearCoefficients().out_of_phase);
+        marram::print_barchans(argc > 2 ? std::atoi(argv[2]) : 7, argc > 3 ? std::atof(argv[3]) : 0.36,
+                               argc > 4 ? std::atof(argv[4]) : marram::ShearCoefficients().out_of_phase);
     else if (is("directions"))
         marram::print_directions();
     else if (is("fingers"))
@@ -440,7 +454,7 @@ int main(int argc, char** argv) {
                    : 1;
     else {
         std::puts(
-            "dune_solver waves | speed | barchans [COUNT] [B] | ridges [B] | directions | fingers [DIR] "
+            "dune_solver waves | speed | barchans [COUNT] [U*] [B] | ridges [B] | directions | fingers [DIR] "
             "| kinds [DIR] | convergence "
             "| turned CELL "
             "| picture OUT.pgm "

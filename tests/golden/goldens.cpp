@@ -17,6 +17,7 @@ namespace {
 
 const std::string size = "film.size=[96, 72]";
 const std::vector<std::string> small = {size, "film.samples=32"};
+const std::string tiny = "film.size=[48, 36]";
 
 Golden room(const std::string& name, const std::string& shows, std::vector<std::string> changes) {
     return {name, shows, "golden/room.toml", 8, std::move(changes)};
@@ -171,7 +172,22 @@ std::span<const Golden> goldens() {
         desert("dune_ridge", 1, {"procedural.desert.cell=1"}),
         desert("dune_letters", 1, {"procedural.desert.cell=0.5"}),
         desert("barchans", 1, {"procedural.desert.cell=1.5"}),
-        desert("wind_barchans", 3, {"procedural.desert.cell=4", "film.size=[48, 36]"}),
+        desert("wind_barchans", 3, {"procedural.desert.cell=4", tiny}),
+        desert("wind_bend", 2, {"procedural.desert.cell=2", tiny}),
+        desert("wind_ridges", 3, {"procedural.desert.cell=4", tiny}),
+        desert("wind_seifs", 2, {"procedural.desert.cell=6", tiny}),
+        desert("wind_stars", 2, {"procedural.desert.cell=7.5", tiny}),
+        desert("wind_nabkhas", 2,
+               {"procedural.desert.cell=0.4", "procedural.marram.density=300",
+                "procedural.marram.width=0.015", tiny}),
+        desert("worn_rock", 1,
+               {"procedural.near_rock.paths=100000", "procedural.far_rock.paths=100000", tiny}),
+        desert("ventifact", 1,
+               {"procedural.ventifact.levels=2", "procedural.ventifact.voxel=0.025",
+                "procedural.ventifact.paths=15000", tiny}),
+        desert("yardang", 1,
+               {"procedural.yardang.levels=2", "procedural.yardang.voxel=0.15",
+                "procedural.yardang.paths=8000", tiny}),
         desert("sand_sea", 1, {"procedural.desert.cell=2"}),
         desert("rock_and_sand", 1, {"procedural.desert.cell=0.8"}),
         desert("ruin", 1,

@@ -11,6 +11,7 @@
 #include "procedural/values.h"
 
 #include <cmath>
+#include <memory>
 #include <new>
 #include <span>
 #include <string>
@@ -90,6 +91,36 @@ inline std::vector<MarramValue> values_of(const MarramValues* given) {
         throw SceneFault("contract.null_values", "", "the list of values is NULL",
                          "pass an array of `count` values");
     return known_parts(given->first, given->count, given->stride);
+}
+
+// The body of create(): checks the values, and take(instance, values) stores them in a new instance.
+template <typename Instance, typename Take>
+MarramStatus create_instance(const MarramHost& host, const MarramValues* values, MarramInstance** out,
+                             std::span<const MarramParam> params, Take&& take,
+                             std::span<const MarramItemType> items = {}) {
+    const std::vector<MarramValue> list = values_of(values);
+    if (!check_values(host, params, list, items)) return MARRAM_ERROR;
+    auto instance = std::make_unique<Instance>();
+    instance->host = host;
+    take(*instance, std::span<const MarramValue>(list));
+    *out = reinterpret_cast<MarramInstance*>(instance.release());
+    return MARRAM_OK;
+}
+
+// The body of update(): checks the values; take(values, inputs) stores them and returns the MarramChange of the
+// output. inputs: MarramUpdate.inputs.
+template <typename Take>
+MarramStatus update_instance(const MarramHost& host, const MarramUpdate* given, uint32_t* changed,
+                             std::span<const MarramParam> params, Take&& take,
+                             std::span<const MarramItemType> items = {}) {
+    if (!given || !changed)
+        throw SceneFault("contract.null_update", "", "the update is NULL",
+                         "pass an update and a place for the changes");
+    const MarramUpdate update = known_part(given);
+    const std::vector<MarramValue> list = values_of(update.values);
+    if (!check_values(host, params, list, items)) return MARRAM_ERROR;
+    *changed = take(std::span<const MarramValue>(list), update.inputs);
+    return MARRAM_OK;
 }
 
 // Copies the fields of the host's frame that this version knows, and its meshes into `meshes`. Throws

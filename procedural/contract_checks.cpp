@@ -4,13 +4,16 @@
 #include "core/math/known_part.h"
 #include "core/math/vec.h"
 #include "procedural/values.h"
+#include "procedural/wind/colliders.h"
 
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <map>
+#include <optional>
 #include <string_view>
 #include <unordered_map>
 #include <unordered_set>
@@ -331,72 +334,110 @@ ContractFault device_fault(const MarramFrame& frame) {
             "make both with one RTCDevice"};
 }
 
-// What Embree has at the middle of a mesh's first triangle, at the first motion sample.
-struct Probe {
-    unsigned geometry;
-    bool found = false;     // triangle 0 of this geometry
-    bool instanced = false; // in an instance
-};
-
-// Point queries ignore masks, so the roles of the mesh do not matter.
-Probe probe_colliders(RTCScene scene, const MarramMesh& mesh) {
-    Probe probe{mesh.geometry_id};
-    const float* positions = mesh.positions[0];
-    Vec3d corners[3];
+std::array<Vec3d, 3> corners_of(const MarramMesh& mesh, size_t triangle) {
+    std::array<Vec3d, 3> corners;
     for (size_t i = 0; i < 3; ++i) {
-        const float* p = positions + 3 * size_t(mesh.triangles[i]);
+        const float* p = mesh.positions[0] + 3 * size_t(mesh.triangles[3 * triangle + i]);
         corners[i] = {double(p[0]), double(p[1]), double(p[2])};
     }
-    const Vec3d middle = (corners[0] + corners[1] + corners[2]) / 3.0;
-    RTCPointQuery query;
-    query.x = float(middle.x());
-    query.y = float(middle.y());
-    query.z = float(middle.z());
-    query.time = 0.0F;
-    // The middle of a triangle in an axis-aligned plane may lie outside its box by its rounding to float.
-    query.radius = 2.0F * std::numeric_limits<float>::epsilon() * float(middle.cwiseAbs().maxCoeff());
-    RTCPointQueryContext context;
-    rtcInitPointQueryContext(&context);
-    rtcPointQuery(
-        scene, &query, &context,
-        [](RTCPointQueryFunctionArguments* args) {
-            Probe& result = *static_cast<Probe*>(args->userPtr);
-            if (args->context->instStackSize > 0)
-                result.instanced = true;
-            else if (args->geomID == result.geometry && args->primID == 0)
-                result.found = true;
-            return false; // the radius has not changed
-        },
-        &probe);
-    return probe;
+    return corners;
 }
 
-// True if the scene is committed and has something in it: otherwise Embree 3 does not survive a point query.
-bool can_be_queried(RTCScene scene) {
-    RTCBounds bounds{};
-    bounds.lower_x = 1.0F; // stays above upper_x if Embree sets nothing
-    rtcGetSceneBounds(scene, &bounds);
-    return bounds.lower_x <= bounds.upper_x;
-}
+// A short ray through the middle of a triangle, at the first motion sample.
+struct Probe {
+    size_t triangle = 0;
+    Vec3d middle, normal;
+    double half = 0.0; // length, m
+};
 
-// Checks that the colliders hold a lent mesh itself, not an instance of it.
-ContractFault collider_fault(RTCScene colliders, const MarramMesh& mesh) {
-    if (mesh.triangle_count == 0) return {};
-    if (!can_be_queried(colliders))
-        return {"", "MarramFrame.colliders is empty or not committed",
-                "attach the meshes and call rtcCommitScene()"};
-    const Probe probe = probe_colliders(colliders, mesh);
-    if (probe.instanced)
-        return {
-            "",
-            fmt::format("the mesh {} touches an Embree instance in MarramFrame.colliders", quoted(mesh.name)),
-            "attach the meshes themselves, in world space"};
-    if (!probe.found)
-        return {"",
-                fmt::format("MarramFrame.colliders does not have the mesh {} as geometry {}",
-                            quoted(mesh.name), mesh.geometry_id),
-                "attach it by this id, with the same triangles, and commit the scene"};
+// Through the last triangle that is large enough for it: of quads, its number is not that of a primitive. Empty: there
+// is none.
+std::optional<Probe> probe_of(const MarramMesh& mesh) {
+    constexpr double least_shape = 1e-3; // area over the square of the longest side
+    constexpr double least_size = 1e-4;  // relative to the coordinates, whose floats resolve 1e-7
+    for (size_t t = mesh.triangle_count; t-- > 0;) {
+        const std::array<Vec3d, 3> p = corners_of(mesh, t);
+        const Vec3d e1 = p[1] - p[0], e2 = p[2] - p[0], n = e1.cross(e2);
+        const double area = 0.5 * n.norm();
+        const double side = std::max({e1.squaredNorm(), e2.squaredNorm(), (p[2] - p[1]).squaredNorm()});
+        const Vec3d middle = (p[0] + p[1] + p[2]) / 3.0;
+        if (!(area >= least_shape * side) || !(std::sqrt(area) > least_size * middle.cwiseAbs().maxCoeff()))
+            continue;
+        return Probe{t, middle, n / (2.0 * area), 0.01 * std::sqrt(area)};
+    }
     return {};
+}
+
+enum class Found { yes, no, instance };
+
+// True if the lent mesh with this geometry ID has its triangle at a point; if none is lent by it, nothing contradicts.
+bool is_lent_there(std::span<const MarramMesh> meshes, const RTCHit& hit, const Vec3d& point,
+                   double tolerance) {
+    bool none = true;
+    for (const MarramMesh& mesh : meshes) {
+        if (mesh.geometry_id != hit.geomID) continue;
+        none = false;
+        if (hit.primID < mesh.triangle_count &&
+            (nearest_point(corners_of(mesh, hit.primID), point) - point).norm() < tolerance)
+            return true;
+    }
+    return none;
+}
+
+// What a ray finds where the triangle is. What is in front of it is passed, a few times; then, and where another mesh
+// is in the same place, the answer is yes.
+Found find_triangle(RTCScene scene, std::span<const MarramMesh> meshes, const MarramMesh& mesh,
+                    const Probe& probe) {
+    constexpr int most_hits = 16;
+    const double same_place = 0.1 * probe.half;
+    const Vec3d from = probe.middle + probe.half * probe.normal;
+    RTCRayHit ray{};
+    ray.ray.org_x = float(from.x()), ray.ray.org_y = float(from.y()), ray.ray.org_z = float(from.z());
+    ray.ray.dir_x = float(-probe.normal.x()), ray.ray.dir_y = float(-probe.normal.y()),
+    ray.ray.dir_z = float(-probe.normal.z());
+    ray.ray.mask = ~0U;
+    for (int hits = 0; hits < most_hits; ++hits) {
+        ray.ray.tfar = float(2.0 * probe.half);
+        ray.hit.geomID = ray.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
+        marram_intersect1(scene, &ray, 1);
+        if (ray.hit.geomID == RTC_INVALID_GEOMETRY_ID) return Found::no;
+        const bool instance = ray.hit.instID[0] != RTC_INVALID_GEOMETRY_ID;
+        if (!instance && ray.hit.geomID == mesh.geometry_id && ray.hit.primID == probe.triangle)
+            return Found::yes;
+        if (std::abs(double(ray.ray.tfar) - probe.half) < same_place) {
+            if (instance) return Found::instance;
+            return is_lent_there(meshes, ray.hit, probe.middle, same_place) ? Found::yes : Found::no;
+        }
+        ray.ray.tnear = std::nextafter(ray.ray.tfar, std::numeric_limits<float>::infinity());
+    }
+    return Found::yes;
+}
+
+// True if the scene is committed: Embree does not trace others.
+bool is_committed(RTCScene scene) {
+    RTCBounds bounds{};
+    bounds.lower_x = std::numeric_limits<float>::quiet_NaN(); // stays if Embree sets nothing
+    rtcGetSceneBounds(scene, &bounds);
+    return !std::isnan(bounds.lower_x);
+}
+
+// Checks that the colliders hold a lent mesh itself, not an instance of it. The ray has time 0.
+ContractFault collider_fault(RTCScene colliders, std::span<const MarramMesh> meshes, const MarramMesh& mesh) {
+    const std::optional<Probe> probe = probe_of(mesh);
+    if (!probe) return {};
+    switch (find_triangle(colliders, meshes, mesh, *probe)) {
+    case Found::yes:
+        return {};
+    case Found::instance:
+        return {"",
+                fmt::format("the mesh {} is an Embree instance in MarramFrame.colliders", quoted(mesh.name)),
+                "attach the mesh itself, in world space"};
+    default:
+        return {"",
+                fmt::format("MarramFrame.colliders does not have triangle {} of the mesh {} in geometry {}",
+                            probe->triangle, quoted(mesh.name), mesh.geometry_id),
+                "attach the mesh by this id, with the same triangles and positions"};
+    }
 }
 
 } // namespace
@@ -447,8 +488,11 @@ ContractFault frame_fault(const MarramFrame& frame, std::span<const MarramMesh> 
             return {"", fmt::format("the curves {} {}", quoted(curves[c].name), fault.what), fault.remedy};
     }
     if (ContractFault fault = device_fault(frame); !fault.what.empty() || !frame.colliders) return fault;
+    if (!is_committed(frame.colliders))
+        return {"", "MarramFrame.colliders is not committed", "call rtcCommitScene() before begin"};
     for (const MarramMesh& mesh : meshes)
-        if (ContractFault fault = collider_fault(frame.colliders, mesh); !fault.what.empty()) return fault;
+        if (ContractFault fault = collider_fault(frame.colliders, meshes, mesh); !fault.what.empty())
+            return fault;
     return {};
 }
 

@@ -161,15 +161,15 @@ void add_render(CLI::App& app, Commands& c) {
 }
 
 void add_bake(CLI::App& app, Commands& c) {
-    CLI::App* command = app.add_subcommand("bake", "write a scene's strands, or its terrain, to a file");
+    CLI::App* command = app.add_subcommand("bake", "write a scene's strands, terrain or rock to a file");
     add_scene(*command, c.bake);
     add_stats(*command, c.bake);
     command
         ->add_option(
             "-o,--output", c.bake.output,
             "strands: .hair, .usda (several frames in one file, unless its name has a ####), .ply or "
-            ".obj; a terrain's surface: .ply, or .obj where no strands are made; its height: .png "
-            "(16 bits), .tif, .tiff or .exr (with all its grids)")
+            ".obj; a terrain's or rock's surface: .ply, or .obj where no strands are made; a rock as a level "
+            "set: .vdb; a terrain's height: .png (16 bits), .tif, .tiff or .exr (with all its grids)")
         ->required()
         ->type_name("FILE");
     CLI::Option* frame = command

@@ -21,8 +21,8 @@ struct Mesh {
     std::vector<std::array<uint32_t, 3>> triangles; // anticlockwise seen from outside
 };
 
-// Reads .obj, .ply (ascii, binary of either byte order), or the surface of the first level set of floats in an OpenVDB
-// file: one vertex in each cell that it crosses, within h^2 / R of a sphere of radius R with voxels of h. Polygons are triangulated, including concave
+// Reads .obj, .ply (ascii, binary of either byte order), or .vdb: the surface of the first level set of floats, with one
+// vertex in each cell that it crosses (error: a few hundredths of a voxel where it is smooth). Polygons are triangulated, including concave
 // ones. OBJ vertices with several uvs or normals are duplicated: the first stays at its place in the file,
 // the others follow at the end. Normals come from the file; corners without one get that of vertex_normals().
 // Without any normals in the file, `smooth` selects vertex_normals() or facets. Materials, groups, lines,

@@ -21,7 +21,7 @@ MarramStage stage_of(const std::string& name) {
 }
 
 // What a file format can hold.
-enum class Baked { strands, strands_or_surface, surface_or_strands, surface, grids };
+enum class Baked { strands, strands_or_surface, surface_or_strands, level_set, grids };
 
 struct BakedFormat {
     const char* extension;
@@ -31,7 +31,7 @@ constexpr BakedFormat baked_formats[] = {{".hair", Baked::strands},
                                          {".usda", Baked::strands},
                                          {".obj", Baked::strands_or_surface},
                                          {".ply", Baked::surface_or_strands},
-                                         {".vdb", Baked::surface},
+                                         {".vdb", Baked::level_set},
                                          {".exr", Baked::grids},
                                          {".png", Baked::grids},
                                          {".tif", Baked::grids},
@@ -47,14 +47,14 @@ const BakedFormat* baked_format(const std::string& extension) {
     return found == std::end(baked_formats) ? nullptr : found;
 }
 
-// The only mesh of those given. `what` they have, for messages. Throws InputError if there is none or more than one.
+// The only mesh of those given. kind: "terrain", for messages. Throws InputError if there is none or more than one.
 const MeshGeometry& only_one(const std::vector<const MeshGeometry*>& meshes, const std::string& output,
-                             const std::string& what, const std::string& remedy) {
-    if (meshes.empty()) throw InputError({output}, "no mesh of the scene " + what, remedy);
+                             const std::string& kind) {
+    if (meshes.empty()) throw InputError({output}, "the scene has no " + kind, "bake a scene with one");
     if (meshes.size() > 1)
         throw InputError({output},
-                         "'" + meshes[0]->name + "' and '" + meshes[1]->name +
-                             "' are both meshes that each " + what,
+                         fmt::format("the scene has more than one {}: '{}' and '{}'", kind, meshes[0]->name,
+                                     meshes[1]->name),
                          "bake a scene with one of them");
     return *meshes[0];
 }
@@ -66,15 +66,19 @@ std::vector<const MeshGeometry*> meshes_with_grids(const World& world) {
     return found;
 }
 
-// The surface that a procedural has made: a terrain's before that of a rock.
-const MeshGeometry& baked_surface(const Shot& shot, const World& world, const std::string& output) {
+// The surface that a procedural has made: one with grids before others. closed: only those that enclose a volume.
+const MeshGeometry& baked_surface(const Shot& shot, const World& world, const std::string& output,
+                                  bool closed) {
     std::vector<const MeshGeometry*> found = meshes_with_grids(world);
-    if (found.empty())
+    if (closed || found.empty()) {
+        found.clear();
         for (const MeshGeometry& mesh : world.meshes)
             for (const auto& procedural : shot.geometry.procedurals)
-                if (procedural->kind() == MARRAM_MESH && procedural->name() == mesh.name)
+                if (procedural->kind() == MARRAM_MESH && procedural->name() == mesh.name &&
+                    (!closed || is_closed(mesh)))
                     found.push_back(&mesh);
-    return only_one(found, output, "is made by a procedural", "bake a scene with a terrain or a rock");
+    }
+    return only_one(found, output, closed ? "rock with a closed surface" : "terrain or rock");
 }
 
 bool makes_strands(const Shot& shot) {
@@ -109,7 +113,8 @@ void check_baked_attributes(const Shot& shot, const std::vector<std::string>& na
     for (const std::string& name : names)
         if (std::ranges::find(known, name) == known.end())
             throw InputError({"--attributes " + name}, "no curves of the scene have this attribute",
-                             fmt::format("choose among {}", fmt::join(known, ", ")));
+                             known.empty() ? std::string("leave it out: the scene has no curves")
+                                           : fmt::format("choose among {}", fmt::join(known, ", ")));
 }
 
 BuildSettings build_settings_for_bake(const Shot& shot, const BakeSettings& settings, double frame) {
@@ -132,14 +137,13 @@ void write_baked(const Shot& shot, const World& world, const BakeSettings& setti
     if (strands)
         return write_curves(output, world.curves, world.frame, shot.description.globals.number("fps"));
     if (what == Baked::grids)
-        return write_grids(output, only_one(meshes_with_grids(world), output, "hands out grids",
-                                            "bake a scene with a terrain, or a rock with map"));
-    const MeshGeometry& mesh = baked_surface(shot, world, output);
+        return write_grids(output, only_one(meshes_with_grids(world), output, "terrain, or rock with map"));
+    const MeshGeometry& mesh = baked_surface(shot, world, output, what == Baked::level_set);
     if (!settings.attributes.empty())
         throw InputError({"--attributes"}, "'" + output + "' is the surface of '" + mesh.name + "'",
                          "bake strands to .usda, or leave --attributes out");
     if (output.ends_with(".ply")) return write_surface_ply(output, mesh);
-    if (output.ends_with(".vdb")) return write_level_set(output, mesh);
+    if (what == Baked::level_set) return write_level_set(output, mesh);
     write_colliders_obj(output, std::span(&mesh, 1));
 }
 

@@ -404,6 +404,11 @@ struct GrainHit {
     const uint32_t* corners = nullptr;
 };
 
+// Geometry in an instance is none of the lent meshes, whatever its id.
+unsigned lent_id(const RTCRayHit& ray) {
+    return ray.hit.instID[0] == RTC_INVALID_GEOMETRY_ID ? ray.hit.geomID : RTC_INVALID_GEOMETRY_ID;
+}
+
 const GrainMesh* worn_mesh(const GrainTracer& tracer, unsigned id) {
     const auto found =
         std::lower_bound(tracer.meshes.begin(), tracer.meshes.end(), id,
@@ -415,7 +420,7 @@ GrainHit resolve_hit(const GrainTracer& tracer, const RTCRayHit& ray) {
     GrainHit hit;
     const Vec3d origin(ray.ray.org_x, ray.ray.org_y, ray.ray.org_z);
     const Vec3d way(ray.ray.dir_x, ray.ray.dir_y, ray.ray.dir_z);
-    const GrainMesh* found = worn_mesh(tracer, ray.hit.geomID);
+    const GrainMesh* found = worn_mesh(tracer, lent_id(ray));
     const bool worn = found && ray.hit.primID < found->mesh.triangle_count;
     if (worn) {
         hit.mesh = found;
@@ -582,7 +587,7 @@ bool advance(GrainTracer& tracer, GrainCounts& counts, Grain& grain, const RTCRa
     const GrainHit hit = resolve_hit(tracer, ray);
     const double share = std::clamp(double(ray.ray.tfar), 0.0, 1.0);
     const Vec3d v = state_after(tracer, grain, grain.chord_t0 + share * (grain.chord_t1 - grain.chord_t0)).v;
-    if (std::binary_search(tracer.sand.begin(), tracer.sand.end(), ray.hit.geomID))
+    if (std::binary_search(tracer.sand.begin(), tracer.sand.end(), lent_id(ray)))
         return lands(tracer, counts, grain, hit.point + hit.offset * hit.normal, v, hit.normal);
     if (v.dot(hit.normal) < 0.0) return hit_rock(tracer, counts, grain, hit, ray, v);
     grazes(tracer, counts, grain, hit, v); // the chord hits a surface that the path is leaving
@@ -593,7 +598,7 @@ bool advance(GrainTracer& tracer, GrainCounts& counts, Grain& grain, const RTCRa
 void prefetch_hits(const GrainTracer& tracer, std::span<const RTCRayHit> rays) {
     const auto worn = [&](const RTCRayHit& ray) -> const GrainMesh* {
         if (ray.hit.geomID == RTC_INVALID_GEOMETRY_ID) return nullptr;
-        const GrainMesh* mesh = worn_mesh(tracer, ray.hit.geomID);
+        const GrainMesh* mesh = worn_mesh(tracer, lent_id(ray));
         return mesh && ray.hit.primID < mesh->mesh.triangle_count ? mesh : nullptr;
     };
     for (const RTCRayHit& ray : rays)

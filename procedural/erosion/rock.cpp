@@ -34,7 +34,7 @@
 // level is coarse; each further level halves the voxel size, keeps the shape and adds detail. `level` stops
 // at one of them for a fast preview: its shape is the smoothed final shape. `winds` replace the scene's wind
 // and share the time; two winds make a keel. The output mesh has no uvs. A host keeps the result as a state, so
-// that further frames, edits elsewhere and later runs do not erode again.
+// that further frames and later runs do not erode again.
 //
 //     [[procedural]]
 //     type = "rock"
@@ -129,13 +129,7 @@ MarramStatus create_rock(const MarramHost* host, const MarramValues* values, Mar
     if (!can_create(host, out)) return MARRAM_ERROR;
     const MarramHost known = known_part(host);
     return guarded_rock(known, [&] {
-        const std::vector<MarramValue> list = values_of(values);
-        if (!check_values(known, rock_params(), list)) return MARRAM_ERROR;
-        auto instance = std::make_unique<RockInstance>();
-        instance->host = known;
-        take_rock_values(*instance, list);
-        *out = reinterpret_cast<MarramInstance*>(instance.release());
-        return MARRAM_OK;
+        return create_instance<RockInstance>(known, values, out, rock_params(), take_rock_values);
     });
 }
 
@@ -143,23 +137,18 @@ MarramStatus update_rock(MarramInstance* opaque, const MarramUpdate* given, uint
     if (!opaque) return MARRAM_ERROR; // no host to report to
     RockInstance& instance = rock(opaque);
     return guarded_rock(instance.host, [&] {
-        if (!given || !changed)
-            throw SceneFault("contract.null_update", "", "the update is NULL",
-                             "pass an update and a place for the changes");
-        const MarramUpdate update = known_part(given);
-        const std::vector<MarramValue> list = values_of(update.values);
-        if (!check_values(instance.host, rock_params(), list)) return MARRAM_ERROR;
-        const uint64_t before = instance.values_digest;
-        const std::string mesh(Values(instance.values.all()).text("mesh"));
-        take_rock_values(instance, list);
-        const Values now(instance.values.all());
-        *changed =
-            update.inputs != MARRAM_NOTHING || now.text("mesh") != mesh ||
-                    (instance.values_digest != before && (now.integer("levels") > 0 || instance.eroded))
-                ? MARRAM_EVERYTHING
-            : instance.values_digest != before ? MARRAM_ATTRIBUTES
-                                               : MARRAM_NOTHING;
-        return MARRAM_OK;
+        const auto take = [&](std::span<const MarramValue> list, uint32_t inputs) -> uint32_t {
+            const uint64_t before = instance.values_digest;
+            const std::string mesh(Values(instance.values.all()).text("mesh"));
+            take_rock_values(instance, list);
+            const Values now(instance.values.all());
+            const bool differs = instance.values_digest != before;
+            if (inputs != MARRAM_NOTHING || now.text("mesh") != mesh ||
+                (differs && (now.integer("levels") > 0 || instance.eroded)))
+                return MARRAM_EVERYTHING;
+            return differs ? MARRAM_ATTRIBUTES : MARRAM_NOTHING;
+        };
+        return update_instance(instance.host, given, changed, rock_params(), take);
     });
 }
 
@@ -171,6 +160,7 @@ MarramStatus prepare_rock(MarramInstance* opaque, const MarramFrame* given, cons
         const MarramFrame frame = borrowed_frame(given, meshes);
         const Values values(instance.values.all());
         if (values.integer("levels") == 0) return MARRAM_OK; // fast enough for begin
+        instance.begun = false; // the buffers of the last frame may be too small
         if (!states) return evaluate_rock(instance, values, frame, meshes, nullptr);
         if (!states->load || !states->store)
             throw SceneFault("contract.null_states", "", "the states are NULL",

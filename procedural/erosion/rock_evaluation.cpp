@@ -94,8 +94,8 @@ void copy_mesh(RockInstance& instance, const MarramMesh& mesh) {
     if (mesh.uvs) instance.uvs.assign(mesh.uvs, mesh.uvs + 2 * vertices);
 }
 
-// The frame of the first rock that is kept: if its inputs do not move, it serves every frame, earlier ones too. A
-// state's digest tells whether it does.
+// The frame of the first rock that is kept, so that every frame finds it. Its digest tells whether it is the rock of
+// that frame: always, if the inputs do not move.
 constexpr double before_all_frames = -1e9;
 
 struct RockSurroundings {
@@ -115,7 +115,7 @@ RockSurroundings rock_surroundings(const RockInstance& instance, const Values& v
         if (const std::string fault = grain_settings_fault(wind.grains); !fault.empty())
             throw SceneFault("rock.value", values.at("mesh").place, fault, "change that value");
     for (const MarramMesh& other : meshes)
-        if (other.geometry_id != mesh.geometry_id && frame.colliders)
+        if (other.geometry_id != mesh.geometry_id && other.triangle_count > 0)
             around.scenery.others.emplace_back(other.geometry_id,
                                                rtcGetGeometry(frame.colliders, other.geometry_id));
     for (const MarramValue& value : instance.values.all())
@@ -248,7 +248,6 @@ MarramStatus evaluate_rock(RockInstance& instance, const Values& values, const M
         if (erodes && !(eroded = erode_rock(instance, values, around, mesh))) return MARRAM_CANCELLED;
         if (!wear_rock(instance, values, frame, around, mesh, eroded)) return MARRAM_CANCELLED;
         instance.eroded = erodes;
-        make_rock_maps(instance, values);
         if (states) {
             const std::vector<char> bytes = bytes_of_rock(instance, digest);
             const MarramState state{sizeof(MarramState), kept.data ? frame.frame : before_all_frames,
@@ -256,6 +255,7 @@ MarramStatus evaluate_rock(RockInstance& instance, const Values& values, const M
             if (states->store(states->user, &state) != MARRAM_OK) return MARRAM_ERROR;
         }
     }
+    make_rock_maps(instance, values); // of an eroded rock: none
     instance.digest = digest;
     send_rock_warnings(instance, values, mesh);
     return MARRAM_OK;

@@ -79,52 +79,46 @@ MarramStatus create(const MarramHost* host, const MarramValues* values, MarramIn
     if (!can_create(host, out)) return MARRAM_ERROR;
     const MarramHost known = known_part(host);
     return guarded(known, [&] {
-        const std::vector<MarramValue> list = values_of(values);
-        if (!check_values(known, all_params(), list)) return MARRAM_ERROR;
-        auto instance = std::make_unique<GroomInstance>();
-        instance->host = known;
-        apply_values(*instance, parse_values(known, Values(list), list));
-        *out = reinterpret_cast<MarramInstance*>(instance.release());
-        return MARRAM_OK;
+        return create_instance<GroomInstance>(
+            known, values, out, all_params(),
+            [&](GroomInstance& instance, std::span<const MarramValue> list) {
+                apply_values(instance, parse_values(known, Values(list), list));
+            });
     });
 }
 
-// Roots are kept unless the mesh, the guides or the values that place them change. Collider trees are kept;
-// make_chain_frame() rebuilds them if meshes or query bounds have changed.
+// Stores new values. Returns what changes of the output (MarramChange). Roots are kept unless the mesh, the guides or
+// the values that place them change. Collider trees are kept; make_chain_frame() rebuilds them if meshes or query
+// bounds have changed.
+uint32_t take_update(GroomInstance& instance, ParsedValues parsed_values, uint32_t inputs) {
+    if (parsed_values.values_digest == instance.values_digest && inputs == MARRAM_NOTHING)
+        return MARRAM_NOTHING;
+    const bool same_roots = parsed_values.roots_digest == instance.roots_digest;
+    // Only begin() can compare the meshes: mesh_may_differ tells it to.
+    const bool uses_guides = parsed_values.groom.guides.has_value();
+    const bool uses_attributes = !parsed_values.groom.density_masks.factors.empty();
+    const uint32_t placement_inputs =
+        MARRAM_POSITIONS | MARRAM_TOPOLOGY | (uses_attributes ? uint32_t(MARRAM_ATTRIBUTES) : 0U);
+    const bool same_mesh = (inputs & placement_inputs) == 0;
+    const bool same_layout = same_roots && same_mesh && !(uses_guides && inputs != MARRAM_NOTHING) &&
+                             !parsed_values.automatic.cvs && !instance.automatic.cvs &&
+                             parsed_values.groom.cvs == instance.groom.cvs &&
+                             parsed_values.groom.basis == instance.groom.basis &&
+                             parsed_values.groom.shape == instance.groom.shape;
+    apply_values(instance, std::move(parsed_values));
+    if (!same_roots || (uses_guides && inputs != MARRAM_NOTHING)) instance.placed = false;
+    if (!same_mesh) instance.mesh_may_differ = true;
+    return same_layout ? uint32_t(MARRAM_POSITIONS | MARRAM_ATTRIBUTES) : uint32_t(MARRAM_EVERYTHING);
+}
+
 MarramStatus update(MarramInstance* opaque, const MarramUpdate* given, uint32_t* changed) {
     if (!opaque) return MARRAM_ERROR; // no host to report to
     GroomInstance& instance = self(opaque);
     return guarded(instance.host, [&] {
-        if (!given || !changed)
-            throw SceneFault("contract.null_update", "", "the update is NULL",
-                             "pass an update and a place for the changes");
-        const MarramUpdate update = known_part(given);
-        const std::vector<MarramValue> list = values_of(update.values);
-        if (!check_values(instance.host, all_params(), list)) return MARRAM_ERROR;
-        ParsedValues parsed_values = parse_values(instance.host, Values(list), list);
-        const bool same_values = parsed_values.values_digest == instance.values_digest;
-        if (same_values && update.inputs == MARRAM_NOTHING) {
-            *changed = MARRAM_NOTHING;
-            return MARRAM_OK;
-        }
-        const bool same_roots = parsed_values.roots_digest == instance.roots_digest;
-        // Only begin() can compare the meshes: mesh_may_differ tells it to.
-        const bool uses_guides = parsed_values.groom.guides.has_value();
-        const bool uses_attributes = !parsed_values.groom.density_masks.factors.empty();
-        const uint32_t placement_inputs =
-            MARRAM_POSITIONS | MARRAM_TOPOLOGY | (uses_attributes ? uint32_t(MARRAM_ATTRIBUTES) : 0U);
-        const bool same_mesh = (update.inputs & placement_inputs) == 0;
-        const bool same_layout = same_roots && same_mesh &&
-                                 !(uses_guides && update.inputs != MARRAM_NOTHING) &&
-                                 !parsed_values.automatic.cvs && !instance.automatic.cvs &&
-                                 parsed_values.groom.cvs == instance.groom.cvs &&
-                                 parsed_values.groom.basis == instance.groom.basis &&
-                                 parsed_values.groom.shape == instance.groom.shape;
-        *changed = same_layout ? uint32_t(MARRAM_POSITIONS | MARRAM_ATTRIBUTES) : uint32_t(MARRAM_EVERYTHING);
-        apply_values(instance, std::move(parsed_values));
-        if (!same_roots || (uses_guides && update.inputs != MARRAM_NOTHING)) instance.placed = false;
-        if (!same_mesh) instance.mesh_may_differ = true;
-        return MARRAM_OK;
+        const auto take = [&](std::span<const MarramValue> list, uint32_t inputs) {
+            return take_update(instance, parse_values(instance.host, Values(list), list), inputs);
+        };
+        return update_instance(instance.host, given, changed, all_params(), take);
     });
 }
 

@@ -90,13 +90,11 @@ MarramStatus create_import(const MarramHost* host, const MarramValues* values, M
     if (!can_create(host, out)) return MARRAM_ERROR;
     const MarramHost known = known_part(host);
     return guarded_import(known, [&] {
-        const std::vector<MarramValue> list = values_of(values);
-        if (!check_values(known, strand_params(), list)) return MARRAM_ERROR;
-        auto instance = std::make_unique<ImportInstance>();
-        instance->host = known;
-        apply_values(*instance, Values(list), list);
-        *out = reinterpret_cast<MarramInstance*>(instance.release());
-        return MARRAM_OK;
+        return create_instance<ImportInstance>(
+            known, values, out, strand_params(),
+            [](ImportInstance& instance, std::span<const MarramValue> list) {
+                apply_values(instance, Values(list), list);
+            });
     });
 }
 
@@ -105,27 +103,20 @@ MarramStatus update_import(MarramInstance* opaque, const MarramUpdate* given, ui
     if (!opaque) return MARRAM_ERROR; // no host to report to
     ImportInstance& instance = self_of(opaque);
     return guarded_import(instance.host, [&] {
-        if (!given || !changed)
-            throw SceneFault("contract.null_update", "", "the update is NULL",
-                             "pass an update and a place for the changes");
-        const MarramUpdate update = known_part(given);
-        const std::vector<MarramValue> list = values_of(update.values);
-        if (!check_values(instance.host, strand_params(), list)) return MARRAM_ERROR;
-        if (digest_of_values(list) == instance.values_digest && update.inputs == MARRAM_NOTHING) {
-            *changed = MARRAM_NOTHING; // the current frame stays valid
-            return MARRAM_OK;
-        }
-        const uint64_t previous_digest = instance.binding_digest;
-        const MarramShape shape = instance.settings.shape;
-        const auto basis = instance.settings.basis;
-        apply_values(instance, Values(list), list);
-        if (update.inputs != MARRAM_NOTHING || previous_digest != instance.binding_digest)
-            instance.is_bound = false;
-        if (instance.is_bound && shape == instance.settings.shape && basis == instance.settings.basis)
-            *changed = MARRAM_POSITIONS | MARRAM_ATTRIBUTES;
-        else
-            *changed = MARRAM_EVERYTHING;
-        return MARRAM_OK;
+        const auto take = [&](std::span<const MarramValue> list, uint32_t inputs) -> uint32_t {
+            if (digest_of_values(list) == instance.values_digest && inputs == MARRAM_NOTHING)
+                return MARRAM_NOTHING; // the current frame stays valid
+            const uint64_t previous_digest = instance.binding_digest;
+            const MarramShape shape = instance.settings.shape;
+            const auto basis = instance.settings.basis;
+            apply_values(instance, Values(list), list);
+            if (inputs != MARRAM_NOTHING || previous_digest != instance.binding_digest)
+                instance.is_bound = false;
+            const bool same_layout =
+                instance.is_bound && shape == instance.settings.shape && basis == instance.settings.basis;
+            return same_layout ? uint32_t(MARRAM_POSITIONS | MARRAM_ATTRIBUTES) : uint32_t(MARRAM_EVERYTHING);
+        };
+        return update_instance(instance.host, given, changed, strand_params(), take);
     });
 }
 

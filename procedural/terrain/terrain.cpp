@@ -100,13 +100,8 @@ MarramStatus create_terrain(const MarramHost* host, const MarramValues* values, 
     if (!can_create(host, out)) return MARRAM_ERROR;
     const MarramHost known = known_part(host);
     return guarded_terrain(known, [&] {
-        const std::vector<MarramValue> list = values_of(values);
-        if (!check_values(known, terrain_params(), list, layer_item_types())) return MARRAM_ERROR;
-        auto instance = std::make_unique<TerrainInstance>();
-        instance->host = known;
-        take_values(*instance, list);
-        *out = reinterpret_cast<MarramInstance*>(instance.release());
-        return MARRAM_OK;
+        return create_instance<TerrainInstance>(known, values, out, terrain_params(), take_values,
+                                                layer_item_types());
     });
 }
 
@@ -114,18 +109,13 @@ MarramStatus update_terrain(MarramInstance* opaque, const MarramUpdate* given, u
     if (!opaque) return MARRAM_ERROR; // no host to report to
     TerrainInstance& instance = terrain(opaque);
     return guarded_terrain(instance.host, [&] {
-        if (!given || !changed)
-            throw SceneFault("contract.null_update", "", "the update is NULL",
-                             "pass an update and a place for the changes");
-        const MarramUpdate update = known_part(given);
-        const std::vector<MarramValue> list = values_of(update.values);
-        if (!check_values(instance.host, terrain_params(), list, layer_item_types())) return MARRAM_ERROR;
-        const uint64_t before = instance.digest;
-        take_values(instance, list);
-        // Topology counts as changed: the triangle count is constant, but diagonals follow the ridges.
-        const bool same = instance.digest == before && update.inputs == MARRAM_NOTHING;
-        *changed = same ? MARRAM_NOTHING : MARRAM_EVERYTHING;
-        return MARRAM_OK;
+        const auto take = [&](std::span<const MarramValue> list, uint32_t inputs) -> uint32_t {
+            const uint64_t before = instance.digest;
+            take_values(instance, list);
+            // Topology counts as changed: the triangle count is constant, but diagonals follow the ridges.
+            return instance.digest == before && inputs == MARRAM_NOTHING ? MARRAM_NOTHING : MARRAM_EVERYTHING;
+        };
+        return update_instance(instance.host, given, changed, terrain_params(), take, layer_item_types());
     });
 }
 

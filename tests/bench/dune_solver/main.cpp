@@ -231,9 +231,10 @@ void print_barchans(int count, double shear_velocity, double out_of_phase) {
         }
         std::fflush(stdout);
     }
+    if (points.empty()) return;
     std::printf("%zu barchans: greatest difference from the field's lines: W %.1f %%, L %.1f %%\n",
                 points.size(), 100.0 * width_error, 100.0 * length_error);
-    if (points.size() < 3) return;
+    if (points.size() < 3) return; // no line through them
     double sh = 0.0, sy = 0.0, shh = 0.0, shy = 0.0, syy = 0.0;
     for (const auto& [h, y] : points) sh += h, sy += y, shh += h * h, shy += h * y, syy += y * y;
     const double m = double(points.size()), slope = (m * shy - sh * sy) / (m * shh - sh * sh);

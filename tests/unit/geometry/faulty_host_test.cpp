@@ -204,6 +204,8 @@ std::vector<FrameFault> frame_faults(Spoilt& s) {
          [](LentWorld& w, MarramFrame& f) { f.colliders = w.empty_scene.get(); }},
         {"meshes under other ids", "contract.frame",
          [](LentWorld& w, MarramFrame& f) { f.colliders = w.swapped_scene.get(); }},
+        {"a mesh in another place", "contract.frame",
+         [](LentWorld& w, MarramFrame& f) { f.colliders = w.elsewhere_scene.get(); }},
         {"colliders that are not committed", "contract.frame",
          [](LentWorld& w, MarramFrame& f) { f.colliders = w.uncommitted_scene.get(); }},
         {"a mesh as an instance", "contract.frame",
@@ -422,6 +424,43 @@ TEST_F(FaultyHost, IsToldOfWrongFrames) {
             called.expect_error(called.begin(frame), fault.id, fault.what);
         }
         EXPECT_EQ(called.evaluate(), before) << type.calls.name;
+    }
+}
+
+// Embree does not need a mesh without triangles, and does not survive a question for an id that it does not have.
+TEST_F(FaultyHost, NeedNotAttachMeshesWithoutTriangles) {
+    const std::shared_ptr<RTCSceneTy> boulder_alone(rtcNewScene(world.device.get()), rtcReleaseScene);
+    world.meshes[1].attach(world.device.get(), boulder_alone.get(), 1);
+    rtcCommitScene(boulder_alone.get());
+    MarramMesh meshes[2] = {world.lent[0], world.lent[1]};
+    meshes[0].triangle_count = 0;
+    MarramFrame frame = world.frame();
+    frame.meshes = meshes;
+    frame.colliders = boulder_alone.get();
+    for (const uint32_t id : {0u, 5000u, 4000000000u})
+        for (const ProceduralType& type : library->types()) {
+            if (type.calls.kind == MARRAM_CURVES) continue; // they grow on it
+            meshes[0].geometry_id = id;
+            TestedProcedural called(type, world);
+            called.create();
+            called.expect_ok(called.begin(frame));
+        }
+}
+
+// Buffers of a frame that began before prepare() may be too small for what prepare() makes.
+TEST_F(FaultyHost, BeginsAFrameAfterItsPreparation) {
+    for (const ProceduralType& type : library->types()) {
+        if (std::string_view(type.calls.name) != "rock") continue;
+        Settings settings = settings_of(type.calls.name);
+        settings.insert(settings.end(), {{"levels", "1"}, {"voxel", "0.1"}, {"years", "10"}});
+        TestedProcedural called(type, world, settings);
+        called.create();
+        const MarramFrame frame = world.frame();
+        called.expect_ok(called.begin(frame));
+        called.expect_ok(called.calls.prepare(called.instance, &frame, nullptr));
+        MarramMeshBuffers buffers{};
+        buffers.size = sizeof buffers;
+        called.expect_error(called.calls.mesh(called.instance, &buffers), "contract.no_frame", "no begin");
     }
 }
 

@@ -120,8 +120,9 @@ TEST_F(LevelSetFile, SaysWhatElseItHolds) {
     openvdb::tools::sdfToFogVolume(*fog);
     fog->setName("density");
     write_grid(fog);
-    EXPECT_NE(refusal().find("holds no level set of floats, but \"density\", fog volume: write"),
-              std::string::npos)
+    EXPECT_NE(
+        refusal().find("holds no level set of 32-bit floats, but \"density\" (float, fog volume): write"),
+        std::string::npos)
         << refusal();
     write_bytes("this is not a level set");
     EXPECT_NE(refusal().find("is no OpenVDB file, or is damaged"), std::string::npos) << refusal();
@@ -137,10 +138,54 @@ TEST_F(LevelSetFile, SaysWhatElseItHolds) {
 TEST_F(LevelSetFile, IsRefusedWhereverItIsCut) {
     write_level_set(path, geometry_of(sphere_mesh(1.0F, 4, 0.0F, 1.0F)));
     const std::string whole = bytes();
-    for (size_t size = 0; size < whole.size(); size += size < 1500 ? 1 : 1 + whole.size() / 60) {
+    for (size_t size = 0; size < whole.size(); size += size < 200 ? 1 : 1 + whole.size() / 60) {
         write_bytes(whole.substr(0, size));
         EXPECT_NE(refusal(), "") << size;
     }
+}
+
+// OpenVDB itself does not survive some of these.
+TEST_F(LevelSetFile, IsReadOrRefusedWhateverByteIsChanged) {
+    write_level_set(path, geometry_of(sphere_mesh(1.0F, 4, 0.0F, 1.0F)));
+    const std::string whole = bytes();
+    std::mt19937 random(20261127);
+    int refused = 0;
+    for (int k = 0; k < 60; ++k) {
+        std::string changed = whole;
+        const size_t at = random() % (k % 2 == 0 ? 2000 : whole.size());
+        changed[at] = char(random() % 256);
+        write_bytes(changed);
+        refused += refusal() != "";
+    }
+    EXPECT_GT(refused, 5);
+}
+
+// An open surface: which side is rock is known by the sign of the distances.
+TEST_F(LevelSetFile, OfAnOpenSurfaceFacesAwayFromTheRock) {
+    openvdb::initialize();
+    const openvdb::FloatGrid::Ptr grid = openvdb::FloatGrid::create(3.0F);
+    for (int x = -8; x < 8; ++x)
+        for (int z = -8; z < 8; ++z)
+            for (int y = -13; y <= -7; ++y) grid->tree().setValue({x, y, z}, float(y) + 10.25F); // rock below
+    grid->setGridClass(openvdb::GRID_LEVEL_SET);
+    grid->setTransform(openvdb::math::Transform::createLinearTransform(0.1));
+    write_grid(grid);
+    const Mesh mesh = load_mesh(path, false);
+    ASSERT_GT(mesh.triangles.size(), 100u);
+    double up = 0.0;
+    for (const auto& t : mesh.triangles)
+        up += double((mesh.positions[t[1]] - mesh.positions[t[0]])
+                         .cross(mesh.positions[t[2]] - mesh.positions[t[0]])
+                         .y());
+    EXPECT_GT(up, 0.0);
+}
+
+TEST_F(LevelSetFile, HasVoxelsOfAUsableSize) {
+    EXPECT_THROW(write_level_set(path, geometry_of(sphere_mesh(5e-4F, 40, 0.0F, 1.0F))), InputError);
+    Mesh ball = sphere_mesh(1.0F, 40, 0.0F, 1.0F);
+    for (Vec3f& p : ball.positions) p.x() += 1e5F;
+    EXPECT_THROW(write_level_set(path, geometry_of(ball)), InputError);
+    EXPECT_FALSE(fs::exists(path));
 }
 
 } // namespace

@@ -126,6 +126,22 @@ TEST(Rock, IsErodedOnce) {
     fs::remove_all(folder);
 }
 
+// A rock that comes from a state has nothing left of what the instance was before.
+TEST(Rock, FromAStateHasNoMapsOfItsFormerSelf) {
+    const std::string eroded =
+        ball + rock("sand_level = 0\nspeed = 12\nheight = 1\nlevels = 1\nvoxel = 0.1\nyears = 500");
+    const std::string flat = ball + rock("sand_level = 0\nspeed = 12\nheight = 1\nmap = 16");
+    TestScene scene(eroded);
+    EXPECT_EQ(mesh_of(scene.build(), "worn").grids.size(), 0u);
+    scene.update(flat);
+    EXPECT_EQ(mesh_of(scene.build(), "worn").grids.size(), 2u);
+    scene.update(eroded);
+    const World world = scene.build();
+    EXPECT_EQ(scene.stats.report("rock.erosion_seconds"), 0.0);
+    EXPECT_EQ(mesh_of(world, "worn").grids.size(), 0u);
+    EXPECT_TRUE(mesh_of(world, "worn").uvs.empty());
+}
+
 // A rock whose mesh moves is eroded anew where it stands.
 TEST(Rock, IsErodedAnewWhereItsMeshHasMoved) {
     const std::string moving = mesh("ball", "sphere",

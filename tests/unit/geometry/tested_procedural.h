@@ -112,6 +112,10 @@ class LentWorld {
         meshes[0].attach(device.get(), swapped_scene.get(), 1);
         meshes[1].attach(device.get(), swapped_scene.get(), 0);
         rtcCommitScene(swapped_scene.get());
+        moved.emplace_back("ground", plane_mesh(Vec2f(4, 4), 3), true, later_times);
+        moved[0].attach(device.get(), elsewhere_scene.get(), 0);
+        meshes[1].attach(device.get(), elsewhere_scene.get(), 1);
+        rtcCommitScene(elsewhere_scene.get());
         for (uint32_t id = 0; id < meshes.size(); ++id)
             meshes[id].attach(device.get(), uncommitted_scene.get(), id);
         meshes[0].attach(device.get(), instances_scene.get(), 0);
@@ -159,9 +163,11 @@ class LentWorld {
         other_device{rtcNewDevice(nullptr), rtcReleaseDevice};
     std::shared_ptr<RTCSceneTy> scene{rtcNewScene(device.get()), rtcReleaseScene},
         other_scene{rtcNewScene(other_device.get()), rtcReleaseScene};
-    // No meshes, the meshes under each other's ids, without rtcCommitScene(), with the boulder as an instance.
+    // No meshes, the meshes under each other's ids, with the ground 1 m beside, without rtcCommitScene(), with the
+    // boulder as an instance.
     std::shared_ptr<RTCSceneTy> empty_scene{rtcNewScene(device.get()), rtcReleaseScene},
         swapped_scene{rtcNewScene(device.get()), rtcReleaseScene},
+        elsewhere_scene{rtcNewScene(device.get()), rtcReleaseScene},
         uncommitted_scene{rtcNewScene(device.get()), rtcReleaseScene},
         instances_scene{rtcNewScene(device.get()), rtcReleaseScene};
     std::vector<LentMesh> meshes = [] {
@@ -169,6 +175,8 @@ class LentWorld {
         none.reserve(2); // pointers must stay valid
         return none;
     }();
+    const double later_times[times_there] = {101.0, 101.25, 101.5};
+    std::vector<LentMesh> moved;
     MarramMesh lent[2];
     std::vector<float> line_vertices;
     const float* curve_steps[1];

@@ -137,7 +137,8 @@ void limit(int resource, rlim_t most) {
     limit(RLIMIT_CPU, 10 + bytes.size() / 2'000'000); // s
     limit(RLIMIT_CORE, 0);
     if (const int null = ::open("/dev/null", O_WRONLY); null >= 0) ::dup2(null, STDERR_FILENO);
-    for (const int signal : {SIGSEGV, SIGABRT, SIGBUS, SIGFPE, SIGINT, SIGTERM}) ::signal(signal, SIG_DFL);
+    for (const int signal : {SIGSEGV, SIGABRT, SIGBUS, SIGFPE, SIGTERM}) ::signal(signal, SIG_DFL);
+    ::signal(SIGINT, SIG_IGN); // Ctrl-C is for the parent
     Refusal refusal;
     try {
         const FloatGrid::Ptr grid = read_level_set(bytes);

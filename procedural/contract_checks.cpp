@@ -347,14 +347,14 @@ std::array<Vec3d, 3> corners_of(const MarramMesh& mesh, size_t triangle) {
 struct Probe {
     size_t triangle = 0;
     Vec3d middle, normal;
-    double half = 0.0; // length, m
+    double half_length = 0.0; // length, m
 };
 
-// Through the last triangle that is large enough for it: of quads, its number is not that of a primitive. Empty: there
-// is none.
+// Through the last triangle of a usable size: if the host attached quads, its number differs from the primitive's. Empty
+// if there is none.
 std::optional<Probe> probe_of(const MarramMesh& mesh) {
     constexpr double least_shape = 1e-3; // area over the square of the longest side
-    constexpr double least_size = 1e-4;  // relative to the coordinates, whose floats resolve 1e-7
+    constexpr double least_size = 1e-3;  // relative to the coordinates, whose floats resolve 1e-7
     for (size_t t = mesh.triangle_count; t-- > 0;) {
         const std::array<Vec3d, 3> p = corners_of(mesh, t);
         const Vec3d e1 = p[1] - p[0], e2 = p[2] - p[0], n = e1.cross(e2);
@@ -363,16 +363,17 @@ std::optional<Probe> probe_of(const MarramMesh& mesh) {
         const Vec3d middle = (p[0] + p[1] + p[2]) / 3.0;
         if (!(area >= least_shape * side) || !(std::sqrt(area) > least_size * middle.cwiseAbs().maxCoeff()))
             continue;
-        return Probe{t, middle, n / (2.0 * area), 0.01 * std::sqrt(area)};
+        return Probe{t, middle, n / (2.0 * area), 0.05 * std::sqrt(area)};
     }
     return {};
 }
 
-enum class Found { yes, no, instance };
+enum class ProbeResult { found, missing, instance };
 
-// True if the lent mesh with this geometry ID has its triangle at a point; if none is lent by it, nothing contradicts.
-bool is_lent_there(std::span<const MarramMesh> meshes, const RTCHit& hit, const Vec3d& point,
-                   double tolerance) {
+// True if a lent mesh with the hit's geometry ID has the hit triangle at the point, and if no mesh is lent by this ID,
+// which cannot be judged.
+bool has_triangle_at(std::span<const MarramMesh> meshes, const RTCHit& hit, const Vec3d& point,
+                     double tolerance) {
     bool none = true;
     for (const MarramMesh& mesh : meshes) {
         if (mesh.geometry_id != hit.geomID) continue;
@@ -384,36 +385,37 @@ bool is_lent_there(std::span<const MarramMesh> meshes, const RTCHit& hit, const 
     return none;
 }
 
-// What a ray finds where the triangle is. What is in front of it is passed, a few times; then, and where another mesh
-// is in the same place, the answer is yes.
-Found find_triangle(RTCScene scene, std::span<const MarramMesh> meshes, const MarramMesh& mesh,
-                    const Probe& probe) {
+// Traces the probe, past surfaces in front of the triangle. Another lent mesh in the same place counts as found. Gives
+// up after 16 hits, and returns found.
+ProbeResult find_triangle(RTCScene scene, std::span<const MarramMesh> meshes, const MarramMesh& mesh,
+                          const Probe& probe) {
     constexpr int most_hits = 16;
-    const double same_place = 0.1 * probe.half;
-    const Vec3d from = probe.middle + probe.half * probe.normal;
+    const double same_place = 0.1 * probe.half_length;
+    const Vec3d from = probe.middle + probe.half_length * probe.normal;
     RTCRayHit ray{};
     ray.ray.org_x = float(from.x()), ray.ray.org_y = float(from.y()), ray.ray.org_z = float(from.z());
     ray.ray.dir_x = float(-probe.normal.x()), ray.ray.dir_y = float(-probe.normal.y()),
     ray.ray.dir_z = float(-probe.normal.z());
     ray.ray.mask = ~0U;
     for (int hits = 0; hits < most_hits; ++hits) {
-        ray.ray.tfar = float(2.0 * probe.half);
+        ray.ray.tfar = float(2.0 * probe.half_length);
         ray.hit.geomID = ray.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
         marram_intersect1(scene, &ray, 1);
-        if (ray.hit.geomID == RTC_INVALID_GEOMETRY_ID) return Found::no;
+        if (ray.hit.geomID == RTC_INVALID_GEOMETRY_ID) return ProbeResult::missing;
         const bool instance = ray.hit.instID[0] != RTC_INVALID_GEOMETRY_ID;
         if (!instance && ray.hit.geomID == mesh.geometry_id && ray.hit.primID == probe.triangle)
-            return Found::yes;
-        if (std::abs(double(ray.ray.tfar) - probe.half) < same_place) {
-            if (instance) return Found::instance;
-            return is_lent_there(meshes, ray.hit, probe.middle, same_place) ? Found::yes : Found::no;
+            return ProbeResult::found;
+        if (std::abs(double(ray.ray.tfar) - probe.half_length) < same_place) {
+            if (instance) return ProbeResult::instance;
+            return has_triangle_at(meshes, ray.hit, probe.middle, same_place) ? ProbeResult::found
+                                                                              : ProbeResult::missing;
         }
         ray.ray.tnear = std::nextafter(ray.ray.tfar, std::numeric_limits<float>::infinity());
     }
-    return Found::yes;
+    return ProbeResult::found;
 }
 
-// True if the scene is committed: Embree does not trace others.
+// True if the scene is committed. If not, Embree also reports an error to the device.
 bool is_committed(RTCScene scene) {
     RTCBounds bounds{};
     bounds.lower_x = std::numeric_limits<float>::quiet_NaN(); // stays if Embree sets nothing
@@ -421,14 +423,14 @@ bool is_committed(RTCScene scene) {
     return !std::isnan(bounds.lower_x);
 }
 
-// Checks that the colliders hold a lent mesh itself, not an instance of it. The ray has time 0.
+// Checks that the colliders hold a lent mesh itself, not an instance of it, at time 0.
 ContractFault collider_fault(RTCScene colliders, std::span<const MarramMesh> meshes, const MarramMesh& mesh) {
     const std::optional<Probe> probe = probe_of(mesh);
     if (!probe) return {};
     switch (find_triangle(colliders, meshes, mesh, *probe)) {
-    case Found::yes:
+    case ProbeResult::found:
         return {};
-    case Found::instance:
+    case ProbeResult::instance:
         return {"",
                 fmt::format("the mesh {} is an Embree instance in MarramFrame.colliders", quoted(mesh.name)),
                 "attach the mesh itself, in world space"};

@@ -29,7 +29,7 @@ std::vector<ContractFault> value_faults(std::span<const MarramParam> params,
 // that are not 1 to 64 equally spaced numbers, meshes without positions or triangles, vertex indices out of
 // range, coordinates that Embree would drop, curves whose offsets do not ascend, colliders of another
 // RTCDevice, not committed, without one of the meshes, or with an instance in its place. For the last two, one ray is
-// traced through one triangle of each mesh: about a microsecond each.
+// traced through one triangle of each mesh.
 ContractFault frame_fault(const MarramFrame& frame, std::span<const MarramMesh> meshes,
                           std::span<const MarramCurves> curves);
 

@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <cstring>
 #include <span>
+#include <type_traits>
 #include <vector>
 
 namespace marram {
@@ -14,6 +15,7 @@ class StateWriter {
   public:
     template <typename T>
     void add(const T& value) {
+        static_assert(std::is_trivially_copyable_v<T>);
         const size_t at = bytes.size();
         bytes.resize(at + sizeof value);
         std::memcpy(bytes.data() + at, &value, sizeof value);

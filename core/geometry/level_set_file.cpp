@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // OpenVDB level sets as meshes, and back. The only file of core that includes OpenVDB.
 //
-// OpenVDB trusts its files: a damaged one can make it write beyond its memory. So a child process reads the file, with
-// limits on its memory and time, and passes on what a narrow band consists of: leaves of 8 x 8 x 8 distances. If it
-// crashes, the file is damaged. Only a few plain numbers cross from it, and they are checked.
+// OpenVDB trusts its files: a damaged one can make it write outside its buffers. So a child process reads the file, with
+// limits on its memory and time, and sends the narrow band as plain arrays: leaves of 8 x 8 x 8 distances. If it
+// crashes, the file is damaged.
 #include "core/geometry/grid_export.h"
 #include "core/geometry/mesh_reader.h"
 #include "core/image/atomic_file.h"
@@ -38,10 +38,10 @@ using openvdb::FloatGrid;
 using FloatTree = openvdb::FloatTree;
 using Leaf = FloatTree::LeafNodeType;
 
-constexpr uint64_t most_leaves = 0x1p22;    // of a file: 2^31 voxels, 9 GB
-constexpr double finest_part = 0.01;        // of the largest side of a mesh: voxels are not larger
-constexpr double most_voxels_away = 0x1p17; // from the origin, where floats resolve 0.8 % of a voxel
-constexpr double least_voxel = 2e-5;        // m; OpenVDB takes a volume below 3e-15 m^3 for none
+constexpr uint64_t max_leaves = 0x1p22;        // of a file: 2^31 voxels, 9 GB
+constexpr double max_voxel_over_extent = 0.01; // of the largest side of a mesh: voxels are not larger
+constexpr double max_voxels_away = 0x1p17;     // from the origin, where floats resolve 0.8 % of a voxel
+constexpr double min_voxel = 2e-5;             // m; OpenVDB takes a volume below 3e-15 m^3 for none
 
 // What the child process writes: the status and a text (what is wrong, a newline, the remedy), or the status, a header,
 // and leaves.
@@ -77,10 +77,11 @@ void write_all(int file, const void* data, size_t count) {
 FloatGrid::Ptr read_level_set(std::string& bytes) {
     std::string others;
     std::istringstream in(std::move(bytes));
-    in.exceptions(std::ios::failbit | std::ios::badbit); // OpenVDB reads on after the end
+    in.exceptions(std::ios::failbit | std::ios::badbit); // OpenVDB does not check for the end
     constexpr bool read_values_later = false;
-    openvdb::io::Stream stream(in, read_values_later);
-    for (const openvdb::GridBase::Ptr& grid : *stream.getGrids()) {
+    auto* stream =
+        new openvdb::io::Stream(in, read_values_later); // not deleted: OpenVDB would do it in parallel
+    for (const openvdb::GridBase::Ptr& grid : *stream->getGrids()) {
         if (grid->isType<FloatGrid>() && grid->getGridClass() == openvdb::GRID_LEVEL_SET)
             return openvdb::gridPtrCast<FloatGrid>(grid);
         others += fmt::format("{}\"{}\" ({}, {})", others.empty() ? "" : ", ", grid->getName(),
@@ -97,15 +98,15 @@ void check_level_set(const FloatGrid& grid) {
     tiles.setMaxDepth(FloatTree::ValueOnCIter::LEAF_DEPTH - 1);
     if (tiles)
         throw Refusal{"has active tiles", "write a level set whose active voxels are near the surface"};
-    if (tree.leafCount() > most_leaves)
-        throw Refusal{fmt::format("has {} leaves, the limit is {}", tree.leafCount(), most_leaves),
+    if (tree.leafCount() > max_leaves)
+        throw Refusal{fmt::format("has {} leaves, the limit is {}", tree.leafCount(), max_leaves),
                       "write it with larger voxels"};
     for (auto leaf = tree.cbeginLeaf(); leaf; ++leaf)
         for (auto value = leaf->cbeginValueOn(); value; ++value)
             if (!std::isfinite(*value)) throw Refusal{"has a distance that is not finite", "repair it"};
 }
 
-void pass_on(int file, const FloatGrid& grid) {
+void send_grid(int file, const FloatGrid& grid) {
     const ReadStatus status = ReadStatus::read;
     GridHeader header{};
     const openvdb::Mat4R matrix = grid.transform().baseMap()->getAffineMap()->getMat4();
@@ -125,17 +126,18 @@ void pass_on(int file, const FloatGrid& grid) {
     }
 }
 
-void limit(int resource, rlim_t most) {
+void set_limit(int resource, rlim_t most) {
     const rlimit limits{most, most};
     ::setrlimit(resource, &limits);
 }
 
-[[noreturn]] void read_in_child(int file, std::string& bytes) {
-    size_t pages = 0; // in use now
+[[noreturn]] void child_main(int file, std::string& bytes) {
+    ::alarm(unsigned(30 + bytes.size() / 1'000'000)); // s
+    size_t pages = 0;                                 // virtual memory now
     std::ifstream("/proc/self/statm") >> pages;
-    limit(RLIMIT_AS, pages * size_t(::sysconf(_SC_PAGESIZE)) + 64 * bytes.size() + (size_t(512) << 20));
-    limit(RLIMIT_CPU, 10 + bytes.size() / 2'000'000); // s
-    limit(RLIMIT_CORE, 0);
+    set_limit(RLIMIT_AS, pages * size_t(::sysconf(_SC_PAGESIZE)) + 64 * bytes.size() + (size_t(512) << 20));
+    set_limit(RLIMIT_CPU, 10 + bytes.size() / 2'000'000); // s
+    set_limit(RLIMIT_CORE, 0);
     if (const int null = ::open("/dev/null", O_WRONLY); null >= 0) ::dup2(null, STDERR_FILENO);
     for (const int signal : {SIGSEGV, SIGABRT, SIGBUS, SIGFPE, SIGTERM}) ::signal(signal, SIG_DFL);
     ::signal(SIGINT, SIG_IGN); // Ctrl-C is for the parent
@@ -143,15 +145,18 @@ void limit(int resource, rlim_t most) {
     try {
         const FloatGrid::Ptr grid = read_level_set(bytes);
         check_level_set(*grid);
-        pass_on(file, *grid);
+        send_grid(file, *grid);
         ::_exit(0);
     } catch (const Refusal& fault) {
         refusal = fault;
+    } catch (const std::bad_alloc&) {
+        refusal = {"needs too much memory, or is damaged", "write it with larger voxels, or again"};
     } catch (...) { // OpenVDB's texts say nothing to a user
         refusal = {"is no OpenVDB file, or is damaged", "write it again"};
     }
     const ReadStatus status = ReadStatus::refused;
-    const std::string text = refusal.what + '\n' + refusal.remedy;
+    std::replace(refusal.what.begin(), refusal.what.end(), '\n', ' '); // names of grids
+    const std::string text = refusal.what.substr(0, 1000) + '\n' + refusal.remedy;
     write_all(file, &status, sizeof status);
     write_all(file, text.data(), text.size());
     ::_exit(0);
@@ -184,7 +189,7 @@ FloatGrid::Ptr receive_grid(int file) {
         throw Refusal{text.substr(0, newline), text.substr(newline + 1)};
     }
     GridHeader header;
-    if (!read_all(file, &header, sizeof header) || header.leaves > most_leaves ||
+    if (!read_all(file, &header, sizeof header) || header.leaves > max_leaves ||
         !std::isfinite(header.background))
         throw damaged;
     for (const double number : header.matrix)
@@ -203,21 +208,24 @@ FloatGrid::Ptr receive_grid(int file) {
     return grid;
 }
 
-FloatGrid::Ptr read_apart(const std::string& path, std::string& bytes) {
+FloatGrid::Ptr read_in_child_process(const std::string& path, std::string& bytes) {
     openvdb::initialize();
-    int ends[2];
-    if (::pipe2(ends, O_CLOEXEC) != 0)
-        throw InputError(Place{path}, "cannot be read: no pipe", "close some files");
+    int pipe_ends[2];
+    if (::pipe2(pipe_ends, O_CLOEXEC) != 0)
+        throw InputError(Place{path}, "cannot be read: too many files are open", "close some");
     const pid_t child = ::fork();
-    if (child == 0) read_in_child(ends[1], bytes);
-    ::close(ends[1]);
+    if (child == 0) {
+        ::close(pipe_ends[0]); // so that it ends if the parent does
+        child_main(pipe_ends[1], bytes);
+    }
+    ::close(pipe_ends[1]);
     bytes.clear();
     bytes.shrink_to_fit();
     FloatGrid::Ptr grid;
     Refusal refusal;
     try {
         if (child < 0) throw Refusal{"cannot be read: no process can be started", "free some memory"};
-        grid = receive_grid(ends[0]);
+        grid = receive_grid(pipe_ends[0]);
     } catch (const Refusal& fault) {
         refusal = fault;
     } catch (const std::bad_alloc&) {
@@ -225,7 +233,7 @@ FloatGrid::Ptr read_apart(const std::string& path, std::string& bytes) {
     } catch (const std::exception&) { // a transform without an inverse
         refusal = {"is damaged", "write it again"};
     }
-    ::close(ends[0]);
+    ::close(pipe_ends[0]);
     if (child > 0) {
         if (!grid) ::kill(child, SIGKILL);
         while (::waitpid(child, nullptr, 0) < 0 && errno == EINTR) {
@@ -238,7 +246,7 @@ FloatGrid::Ptr read_apart(const std::string& path, std::string& bytes) {
 // ---- Meshes ----
 
 // The edge of a square that is as large as two triangles on average.
-double voxel_of(std::span<const Vec3f> positions, std::span<const std::array<uint32_t, 3>> triangles) {
+double choose_voxel(std::span<const Vec3f> positions, std::span<const std::array<uint32_t, 3>> triangles) {
     double area = 0.0;
     Eigen::AlignedBox3d box;
     for (const auto& t : triangles) {
@@ -247,13 +255,14 @@ double voxel_of(std::span<const Vec3f> positions, std::span<const std::array<uin
         area += 0.5 * (b - a).cross(c - a).norm();
         box.extend(a).extend(b).extend(c);
     }
-    return std::min(std::sqrt(2.0 * area / double(triangles.size())), finest_part * box.sizes().maxCoeff());
+    return std::min(std::sqrt(2.0 * area / double(triangles.size())),
+                    max_voxel_over_extent * box.sizes().maxCoeff());
 }
 
 } // namespace
 
 Mesh read_vdb(const std::string& path, std::string& bytes) {
-    const FloatGrid::Ptr grid = read_apart(path, bytes);
+    const FloatGrid::Ptr grid = read_in_child_process(path, bytes);
     std::vector<openvdb::Vec3s> points;
     std::vector<openvdb::Vec4I> quads;
     openvdb::tools::volumeToMesh(*grid, points, quads);
@@ -272,7 +281,7 @@ Mesh read_vdb(const std::string& path, std::string& bytes) {
         mesh.triangles.push_back({q[0], q[1], first ? q[2] : q[3]});
         mesh.triangles.push_back({first ? q[0] : q[1], q[2], q[3]});
     }
-    if (grid->transform().baseMap()->getAffineMap()->getMat4().det() < 0.0) // it mirrors the faces
+    if (grid->transform().baseMap()->getAffineMap()->getMat4().det() < 0.0) // the transform mirrors the faces
         for (auto& triangle : mesh.triangles) std::swap(triangle[1], triangle[2]);
     return mesh;
 }
@@ -301,15 +310,15 @@ void write_level_set(const std::string& path, const MeshGeometry& mesh) {
     if (!is_closed(mesh))
         throw InputError({path}, fmt::format("'{}' is no closed surface, and has no inside", mesh.name),
                          "bake it to .ply or .obj");
-    const double voxel = voxel_of(positions, mesh.triangles);
+    const double voxel = choose_voxel(positions, mesh.triangles);
     double farthest = 0.0;
     for (const Vec3f& p : positions) farthest = std::max(farthest, double(p.cwiseAbs().maxCoeff()));
-    if (!(voxel >= least_voxel))
+    if (!(voxel >= min_voxel))
         throw InputError(
             {path},
-            fmt::format("'{}' needs voxels of {:g} m, the least is {:g} m", mesh.name, voxel, least_voxel),
+            fmt::format("'{}' needs voxels of {:g} m, the least is {:g} m", mesh.name, voxel, min_voxel),
             "scale the scene up");
-    if (!(farthest <= most_voxels_away * voxel))
+    if (!(farthest <= max_voxels_away * voxel))
         throw InputError({path},
                          fmt::format("'{}' is {:g} m from the origin, {:.2g} voxels", mesh.name, farthest,
                                      farthest / voxel),

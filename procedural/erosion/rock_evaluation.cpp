@@ -242,14 +242,15 @@ MarramStatus evaluate_rock(RockInstance& instance, const Values& values, const M
     kept.size = sizeof kept;
     if (!erodes) states = nullptr; // fast enough without
     if (states && states->load(states->user, frame.frame, &kept) != MARRAM_OK) return MARRAM_ERROR;
-    if (!kept.data || !read_rock({static_cast<const char*>(kept.data), kept.byte_count}, digest, instance)) {
+    if (!kept.data ||
+        !read_rock_state({static_cast<const char*>(kept.data), kept.byte_count}, digest, instance)) {
         const RockSurroundings around = rock_surroundings(instance, values, frame, meshes, mesh);
         std::optional<LevelSet> eroded;
         if (erodes && !(eroded = erode_rock(instance, values, around, mesh))) return MARRAM_CANCELLED;
         if (!wear_rock(instance, values, frame, around, mesh, eroded)) return MARRAM_CANCELLED;
         instance.eroded = erodes;
         if (states) {
-            const std::vector<char> bytes = bytes_of_rock(instance, digest);
+            const std::vector<char> bytes = write_rock_state(instance, digest);
             const MarramState state{sizeof(MarramState), kept.data ? frame.frame : before_all_frames,
                                     bytes.data(), bytes.size()};
             if (states->store(states->user, &state) != MARRAM_OK) return MARRAM_ERROR;

@@ -54,10 +54,10 @@ struct RockInstance {
 MarramStatus evaluate_rock(RockInstance& instance, const Values& values, const MarramFrame& frame,
                            std::span<const MarramMesh> meshes, const MarramStates* states);
 
-// The output of an eroded rock as bytes, and back (rock_state.cpp). read_rock() returns false, and leaves the
+// The output of an eroded rock as bytes, and back (rock_state.cpp). read_rock_state() returns false, and leaves the
 // instance as it was, if the bytes are not those of a rock with this digest.
-std::vector<char> bytes_of_rock(const RockInstance& instance, uint64_t digest);
-bool read_rock(std::span<const char> bytes, uint64_t digest, RockInstance& instance);
+std::vector<char> write_rock_state(const RockInstance& instance, uint64_t digest);
+bool read_rock_state(std::span<const char> bytes, uint64_t digest, RockInstance& instance);
 
 // Bakes wear and wear_rate to images by uv, `map` pixels a side; 0: to none (rock_maps.cpp). Throws SceneFault
 // if the mesh has no uvs.

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The state of an eroded rock: its whole output.
+// The state of an eroded rock: its mesh, its attributes, and what it reports.
 #include "procedural/erosion/rock_instance.h"
 #include "procedural/state_bytes.h"
 
@@ -11,14 +11,14 @@ namespace {
 constexpr uint64_t rock_state_format = 0x6d617272616d5201; // the last byte is the format version
 
 // Those fields of a GrainReport that a rock reports. Seconds are not kept: they are those of this run.
-struct RockGrains {
+struct StoredGrainReport {
     uint64_t grains = 0, rays = 0, hits = 0;
     int64_t worn = 0;
     double volume = 0.0;
 };
 
-// True if the lists belong to one mesh.
-bool whole_rock(const RockInstance& rock) {
+// True if the sizes of the lists match and indices are in range.
+bool sizes_and_indices_valid(const RockInstance& rock) {
     const size_t vertices = rock.positions.size() / 3;
     if (rock.positions.size() != 3 * vertices || rock.normals.size() != 3 * vertices ||
         rock.triangles.size() % 3 != 0 || rock.wear.size() != vertices || rock.rate.size() != vertices ||
@@ -31,13 +31,15 @@ bool whole_rock(const RockInstance& rock) {
 
 } // namespace
 
-std::vector<char> bytes_of_rock(const RockInstance& rock, uint64_t digest) {
+std::vector<char> write_rock_state(const RockInstance& rock, uint64_t digest) {
     StateWriter out;
     out.add(rock_state_format);
     out.add(digest);
-    out.add(rock.erosion);
-    out.add(RockGrains{rock.report.grains, rock.report.rays, rock.report.worn_hits, rock.report.worn,
-                       rock.report.volume});
+    RockErosion erosion = rock.erosion;
+    erosion.seconds = 0.0;
+    out.add(erosion);
+    out.add(StoredGrainReport{rock.report.grains, rock.report.rays, rock.report.worn_hits, rock.report.worn,
+                              rock.report.volume});
     out.add_list(rock.positions);
     out.add_list(rock.normals);
     out.add_list(rock.triangles);
@@ -47,11 +49,11 @@ std::vector<char> bytes_of_rock(const RockInstance& rock, uint64_t digest) {
     return std::move(out.bytes);
 }
 
-bool read_rock(std::span<const char> bytes, uint64_t digest, RockInstance& instance) {
+bool read_rock_state(std::span<const char> bytes, uint64_t digest, RockInstance& instance) {
     StateReader in(bytes);
     uint64_t format = 0, stored_digest = 0;
     RockInstance rock;
-    RockGrains grains;
+    StoredGrainReport grains;
     in.get(format);
     in.get(stored_digest);
     if (format != rock_state_format || stored_digest != digest) return false;
@@ -63,10 +65,9 @@ bool read_rock(std::span<const char> bytes, uint64_t digest, RockInstance& insta
     in.get_list(rock.wear);
     in.get_list(rock.rate);
     in.get_list(rock.hardness);
-    if (!in.at_end() || !whole_rock(rock)) return false;
+    if (!in.at_end() || !sizes_and_indices_valid(rock)) return false;
     instance.eroded = true;
     instance.erosion = rock.erosion;
-    instance.erosion.seconds = 0.0;
     instance.positions = std::move(rock.positions);
     instance.normals = std::move(rock.normals);
     instance.uvs.clear();

@@ -20,8 +20,8 @@
 // Length of dunes. A = 3.5, B = 2 (z0 of 1 mm) gives the first waves of a flat bed their natural length, 21 L_sat. How
 // long a barchan of some height is depends on the wind: where the flux has to fall to 0, at its foot, the stress falls
 // to the threshold. The weaker the wind, the smaller this fall, and the slope that makes it. At u* = 0.36 m/s
-// (threshold 0.22) widths and lengths are within 30 % of lines through field data, at 0.4 m/s within 31 %, at 0.5 m/s
-// lengths are a little over half (build/dune_solver barchans 7 0.5).
+// (threshold 0.22) widths and lengths are within 30 % of lines through field data; at 0.5 m/s lengths are about half
+// (build/dune_solver barchans 7 0.5).
 //
 // Transforms: pairs of columns are the real and imaginary part of one transform. The spectrum is kept only
 // for row wave numbers 0 ... rows / 2. The inverse transform returns along as the real and across as the

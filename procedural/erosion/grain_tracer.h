@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Shared by grains.cpp and grain_setup.cpp only: the state of a trace.
+// Shared by grains.cpp, grain_flight.cpp and grain_setup.cpp only: the state of a trace.
 #pragma once
 
 #include "procedural/erosion/empty_space.h"
@@ -42,6 +42,7 @@ struct GrainTracer {
     GrainBox box;
     EmptySpace empty;
     double sag = 0.0, threshold = 0.0, settle = 0.0, launch = 0.0; // launch: sqrt(g H)
+    double share = 0.0;                                            // of the stream that starts below box.top
     std::array<uint32_t, 5> shifts{};         // scrambling seeds of the dimensions of a start
     std::array<EventSeeds, 64> event_seeds{}; // of the first events
     std::vector<int64_t> vertex_quanta, triangle_quanta;

@@ -74,16 +74,15 @@
 // Order. The paths of a task are traced in the order of their places on the start plane. Of 8 10^6 grains around
 // 1.5 10^6 triangles this saves an eighth of the time, as neighbours hit near each other.
 //
-// Cost. Eight arcs are checked for empty space at a time, and 64 rays are traced together. A grain around a ball of
+// Cost. Eight grains leave sand, begin arcs and are checked for empty space together. A grain around a ball of
 // 1.5 10^6 triangles takes 2 us of one core, for 0.8 hits, 5 landings on sand and 3.4 rays, of which Embree takes
-// 0.6 us (build/rock_erosion speed). On rough rock without sand a chord takes 0.4 us, of which Embree takes 0.25 us
+// 0.8 us (build/rock_erosion speed). On rough rock without sand a chord takes 0.5 us, of which Embree takes 0.3 us
 // (build/grains speed).
 #include "procedural/erosion/grains.h"
 
 #include "core/math/clock.h"
 #include "core/math/hash.h"
-#include "procedural/erosion/grain_tracer.h"
-#include "procedural/erosion/sobol.h"
+#include "procedural/erosion/grain_flight.h"
 #include "procedural/parallel.h"
 
 #include <algorithm>
@@ -100,9 +99,7 @@ constexpr double grain_margin = 2.0;                       // factor on ray offs
 constexpr double grain_sliver = 1e4;                       // maximum q
 constexpr size_t grain_window = 64;                        // rays traced together
 constexpr uint64_t least_block = 4096, most_block = 65536; // grains per task
-constexpr uint32_t start_places = 32;     // in each direction of the start plane, for the order of grains
-constexpr double longest_arc = 1e6;       // s
-constexpr double min_rebound_sine = 0.01; // minimum sine between a rebound and the surface
+constexpr double min_rebound_sine = 0.01;                  // minimum sine between a rebound and the surface
 
 int64_t grain_quanta(double energy) { return int64_t(energy / grain_quantum + 0.5); } // energy: 0 or more
 double grain_energy(const Vec3d& v) { return 0.5 * v.squaredNorm(); }
@@ -114,220 +111,10 @@ struct GrainCounts {
     int64_t started = 0, flight = 0, sand = 0, rock = 0, ended = 0, worn = 0;
 };
 
-struct GrainState {
-    Vec3d x, v;
-};
-
-enum class ArcEnd { lands, leaves, goes_on, gives_up };
-
-// A grain on an arc, which runs from one event to the next if nothing is hit.
-struct Grain {
-    Vec3d x, v, acceleration;                        // at the start of the arc
-    double first_chord_time = 0.0, chord_time = 0.0; // duration of the first chord and of the others, s
-    double end = 0.0;                                // of the arc, s after its start
-    double length = 0.0;                             // of the arc, m, at most
-    GrainState end_state;                            // of an arc with drag
-    ArcEnd at_end = ArcEnd::goes_on;
-    GrainSide side = GrainSide::downwind;  // by which it leaves
-    uint32_t chord = 0;                    // the next one, and
-    double chord_t0 = 0.0, chord_t1 = 0.0; // its ends while a ray traces it, s
-    uint64_t path = 0;
-    int64_t energy = 0; // quanta after the last event
-    uint32_t hits = 0, landings = 0;
-    uint64_t segments = 0; // chords of the arcs before, traced or not
-};
-
-// ---- the stream ----
-
-double grain_unit(const GrainTracer& tracer, uint64_t path, int dimension) {
-    return sobol_point(uint32_t(path), dimension, tracer.shifts[size_t(dimension)]);
-}
-
-EventSeeds event_seeds(uint32_t seed, uint32_t event) {
-    const uint64_t key = hash(seed, 0x6576ULL + event);
-    return {uint32_t(key), {uint32_t(hash(key, 1)), uint32_t(hash(key, 2))}};
-}
-
-// Two random numbers for event k of a path: Sobol dimensions 0 and 1 at an index that is Owen-shuffled for each event.
-std::array<double, 2> event_numbers(const GrainTracer& tracer, uint64_t path, uint32_t event) {
-    const EventSeeds seeds = event < tracer.event_seeds.size() ? tracer.event_seeds[event]
-                                                               : event_seeds(tracer.settings.seed, event);
-    const uint32_t index = owen_shuffle(uint32_t(path), seeds.order);
-    return {sobol_point(index, 0, seeds.scrambling[0]), sobol_point(index, 1, seeds.scrambling[1])};
-}
-
-// sqrt(-2 ln(1 - u)): 1 - u is exact, as u is a multiple of 2^-32.
-double rayleigh(double u) { return std::sqrt(-2.0 * std::log(1.0 - u)); }
-
-// The paths of a block, in an order in which neighbours start near each other, so that they hit near each other:
-// memory that one has read is then in the cache for the next.
-std::vector<uint32_t> ordered_paths(const GrainTracer& tracer, uint64_t first, uint64_t end) {
-    const auto place = [&](uint64_t path) {
-        const auto at = [&](int dimension) {
-            return uint32_t(grain_unit(tracer, path, dimension) * double(start_places));
-        };
-        const uint32_t across = at(0), up = at(1);
-        return across * start_places + (across % 2 == 0 ? up : start_places - 1 - up);
-    };
-    std::vector<uint16_t> places(end - first);
-    std::array<uint32_t, start_places * start_places + 1> starts{};
-    for (uint64_t path = first; path < end; ++path) {
-        places[path - first] = uint16_t(place(path));
-        ++starts[places[path - first] + 1U];
-    }
-    for (size_t k = 1; k < starts.size(); ++k) starts[k] += starts[k - 1];
-    std::vector<uint32_t> order(end - first);
-    for (uint64_t path = first; path < end; ++path) order[starts[places[path - first]]++] = uint32_t(path);
-    return order;
-}
-
-Grain emit_grain(const GrainTracer& tracer, uint64_t path) {
-    const GrainSettings& s = tracer.settings;
-    const GrainBox& box = tracer.box;
-    const double across = grain_unit(tracer, path, 0);
-    const double share = -std::expm1(-box.top / s.height);
-    const double h = std::min(-s.height * std::log1p(-share * grain_unit(tracer, path, 1)), box.top);
-    const auto place = std::min(size_t(across * double(grain_profile)), size_t(grain_profile) - 1);
-    const double radius = rayleigh(grain_unit(tracer, path, 2));
-    const double rise = tracer.launch * radius * std::cos(2.0 * pi * grain_unit(tracer, path, 3));
-    const double yaw = s.spread * (2.0 * grain_unit(tracer, path, 4) - 1.0);
-    Grain grain;
-    grain.path = path;
-    grain.x = box.start * box.along + (box.t0 + across * (box.t1 - box.t0)) * box.across;
-    grain.x.y() = box.ground[place] + h;
-    grain.v = stream_speed(s, h) * (std::cos(yaw) * box.along + std::sin(yaw) * box.across);
-    grain.v.y() = rise;
-    grain.energy = grain_quanta(grain_energy(grain.v));
-    return grain;
-}
-
 // ---- flight ----
-
-GrainState state_after(const GrainTracer& tracer, const Grain& grain, double t) {
-    const double tau = tracer.settings.drag_time;
-    if (tau <= 0.0) {
-        const Vec3d half = 0.5 * t * grain.acceleration;
-        return {grain.x + t * (grain.v + half), grain.v + 2.0 * half};
-    }
-    if (t == 0.0) return {grain.x, grain.v};
-    const double x = t / tau,
-                 decay = x > 1e-3 ? 1.0 - std::exp(-x) : -std::expm1(-x); // exp takes half the time
-    const Vec3d final_velocity = grain.v + tau * grain.acceleration;
-    return {grain.x + t * final_velocity + (tau * decay) * (grain.v - final_velocity),
-            grain.v + decay * (final_velocity - grain.v)};
-}
-
-GrainState end_of_arc(const GrainTracer& tracer, const Grain& grain) {
-    return tracer.settings.drag_time > 0.0 && grain.at_end != ArcEnd::gives_up
-               ? grain.end_state
-               : state_after(tracer, grain, grain.end);
-}
-
-// The time at which q + v t + a t^2 / 2 falls to `low`, a <= 0. For q < low: the time of return to q, 0 if v <= 0.
-double time_to_fall(double q, double v, double a, double low) {
-    const double drop = std::max(q - low, 0.0), root = std::sqrt(v * v - 2.0 * a * drop);
-    if (v > 0.0) return a < 0.0 ? (v + root) / -a : infinity;
-    if (root > v) return 2.0 * drop / (root - v);
-    return drop > 0.0 ? infinity : 0.0;
-}
-
-// Time until a point with constant velocity leaves an interval.
-double time_to_leave(double q, double v, double low, double high) {
-    if (v > 0.0) return std::max(high - q, 0.0) / v;
-    return v < 0.0 ? std::max(q - low, 0.0) / -v : infinity;
-}
-
-// Without drag an arc is a parabola that ends on level sand or at a side of the box.
-void find_arc_end(const GrainTracer& tracer, Grain& grain) {
-    const GrainBox& box = tracer.box;
-    const double s = grain.x.dot(box.along), t = grain.x.dot(box.across), y = grain.x.y();
-    const double vs = grain.v.dot(box.along), vt = grain.v.dot(box.across), vy = grain.v.y(),
-                 ay = grain.acceleration.y();
-    const double edge = 4.0 * grain_step * (std::abs(s) + std::abs(t) + box.size);
-    const auto ends_before = [&](double time, ArcEnd at_end, GrainSide side) {
-        if (time < grain.end) grain.end = time, grain.at_end = at_end, grain.side = side;
-    };
-    ends_before(time_to_leave(s, vs, box.start - edge, box.s1), ArcEnd::leaves,
-                vs > 0.0 ? GrainSide::downwind : GrainSide::upwind);
-    ends_before(time_to_leave(t, vt, box.t0 - edge, box.t1 + edge), ArcEnd::leaves,
-                vt > 0.0 ? GrainSide::right : GrainSide::left);
-    if (ay == 0.0 && vy > 0.0)
-        ends_before(time_to_leave(y, vy, box.y0, box.y1), ArcEnd::leaves, GrainSide::above);
-    if (tracer.settings.ground) // ground > box.y0
-        ends_before(time_to_fall(y, vy, ay, *tracer.settings.ground), ArcEnd::lands, GrainSide::below);
-    else
-        ends_before(time_to_fall(y, vy, ay, box.y0), ArcEnd::leaves, GrainSide::below);
-}
-
-// With drag the speed of the air is held constant over one chord, so each chord is an arc.
-void find_arc_end_with_drag(const GrainTracer& tracer, Grain& grain) {
-    const GrainBox& box = tracer.box;
-    grain.end = grain.first_chord_time;
-    grain.end_state = state_after(tracer, grain, grain.end);
-    const Vec3d& at = grain.end_state.x;
-    if (const auto& ground = tracer.settings.ground; ground && at.y() < *ground) {
-        grain.at_end = ArcEnd::lands;
-        grain.end *= std::clamp((grain.x.y() - *ground) / (grain.x.y() - at.y()), 0.0, 1.0);
-        grain.end_state = state_after(tracer, grain, grain.end);
-        // Newton's iteration: where the chord meets the sand the curve is still above it, and above what lies on it.
-        for (int k = 0; k < 4 && grain.end_state.v.y() < 0.0; ++k) {
-            grain.end = std::clamp(grain.end + (grain.end_state.x.y() - *ground) / -grain.end_state.v.y(),
-                                   0.0, grain.first_chord_time);
-            grain.end_state = state_after(tracer, grain, grain.end);
-        }
-        return;
-    }
-    const double s = at.dot(box.along), t = at.dot(box.across);
-    const double edge = 4.0 * grain_step * (std::abs(s) + std::abs(t) + box.size);
-    const auto leaves_if = [&](bool beyond, GrainSide side) {
-        if (beyond) grain.at_end = ArcEnd::leaves, grain.side = side;
-    };
-    leaves_if(tracer.settings.gravity <= 0.0 && at.y() > box.y1 && grain.end_state.v.y() >= 0.0,
-              GrainSide::above);
-    leaves_if(at.y() < box.y0, GrainSide::below);
-    leaves_if(t > box.t1 + edge, GrainSide::right);
-    leaves_if(t < box.t0 - edge, GrainSide::left);
-    leaves_if(s < box.start - edge, GrainSide::upwind);
-    leaves_if(s > box.s1, GrainSide::downwind);
-}
 
 double start_of_chord(const Grain& grain, uint32_t chord) {
     return chord == 0 ? 0.0 : grain.first_chord_time + (chord - 1) * grain.chord_time;
-}
-
-// The number of chords up to a time.
-double chords_to(const Grain& grain, double time) {
-    return time > grain.first_chord_time ? 1.0 + std::ceil((time - grain.first_chord_time) / grain.chord_time)
-                                         : 1.0;
-}
-
-// Starts an arc at grain.x with grain.v. normal: of the surface that the grain leaves, or zero.
-void start_arc(const GrainTracer& tracer, Grain& grain, const Vec3d& normal) {
-    const GrainSettings& s = tracer.settings;
-    grain.acceleration = Vec3d(0.0, -s.gravity, 0.0);
-    if (s.drag_time > 0.0) {
-        const double h = std::max(grain.x.y() - s.ground.value_or(tracer.box.base), 0.0);
-        grain.acceleration += (stream_speed(s, h) * tracer.box.along - grain.v) / s.drag_time;
-    }
-    const double a = s.drag_time > 0.0 ? grain.acceleration.norm() : s.gravity, v = grain.v.norm();
-    grain.chord_time = a > 0.0 ? std::sqrt(8.0 * tracer.sag / a) : longest_arc;
-    if (v > 0.0) grain.chord_time = std::min(grain.chord_time, 1.01 * tracer.box.size / v);
-    grain.first_chord_time = grain.chord_time;
-    const double falls = -grain.acceleration.dot(normal);
-    if (falls > 0.0)
-        grain.first_chord_time = std::min(grain.first_chord_time, std::max(grain.v.dot(normal), 0.0) / falls);
-    grain.chord = grain.first_chord_time > 0.0 ? 0 : 1;
-    grain.end = longest_arc, grain.at_end = ArcEnd::goes_on;
-    if (s.drag_time > 0.0)
-        find_arc_end_with_drag(tracer, grain);
-    else
-        find_arc_end(tracer, grain);
-    const double left = double(s.most_segments) - double(grain.segments);
-    if (chords_to(grain, grain.end) > left) {
-        grain.end = left > 0.0 ? start_of_chord(grain, uint32_t(left)) : 0.0;
-        grain.at_end = ArcEnd::gives_up;
-    }
-    grain.length = (v + 0.5 * a * grain.end) * grain.end;
 }
 
 // Advances grain.chord to the chord that contains the time `clear`, before which nothing is hit; less than grain.end.
@@ -341,37 +128,15 @@ void find_chord(Grain& grain, double clear) {
     grain.chord_t1 = std::min(start_of_chord(grain, grain.chord + 1), grain.end);
 }
 
-bool is_outside_horizontally(const GrainTracer& tracer, const Vec3d& p) {
-    const GrainBox& box = tracer.box;
-    const double s = p.dot(box.along), t = p.dot(box.across);
-    return !(s >= box.start && s <= box.s1 && t >= box.t0 && t <= box.t1);
-}
-
 // Sets up the test for empty space from the grain's next chord on. false: none of the arc is left.
-bool set_parabola(const GrainTracer& tracer, const Grain& grain, int lane, Parabolas8& out) {
+bool set_parabola(const Grain& grain, int lane, Parabolas8& out) {
     const double begin = start_of_chord(grain, grain.chord);
     if (!(begin < grain.end)) return false;
-    // From there on, so that floats are fine enough for its times.
-    const GrainState from = state_after(tracer, grain, begin);
-    const bool drags = tracer.settings.drag_time > 0.0; // then the only chord, which is straight
-    const Vec3d x = from.x - tracer.empty.low(),
-                v = drags ? Vec3d((grain.end_state.x - grain.x) / grain.end) : from.v;
-    const Vec3d a = drags ? Vec3d::Zero() : grain.acceleration;
-    const double ball = drags ? 0.0 : tracer.sag;
-    for (int axis = 0; axis < 3; ++axis) {
-        out.x[axis][lane] = float(x[axis]);
-        out.v[axis][lane] = float(v[axis]);
-        out.a[axis][lane] = float(a[axis]);
-    }
-    out.t_max[lane] = float(grain.end - begin);
-    // With drag a chord may leave the box. What is outside is not known to be empty.
-    const bool needs_ray =
-        tracer.hooks.rays || (drags && (is_outside_horizontally(tracer, grain.x) ||
-                                        is_outside_horizontally(tracer, grain.end_state.x)));
-    out.min_step[lane] = needs_ray ? float(infinity) : float(0.125 * std::min(grain.chord_time, grain.end));
-    out.clearance[lane] =
-        float(ball + 0x1p-20 * (x.cwiseAbs().maxCoeff() + grain.length)); // rounding of floats
-    out.t_clear[lane] = 0.0F;
+    const GrainParabola& p = grain.parabola;
+    for (int axis = 0; axis < 3; ++axis)
+        out.x[axis][lane] = p.x[axis], out.v[axis][lane] = p.v[axis], out.a[axis][lane] = p.a[axis];
+    out.t_max[lane] = p.t_max, out.min_step[lane] = p.min_step, out.clearance[lane] = p.clearance;
+    out.t_clear[lane] = float(begin * (1.0 - 0x1p-23)); // not after the begin
     return true;
 }
 
@@ -379,8 +144,7 @@ bool set_parabola(const GrainTracer& tracer, const Grain& grain, int lane, Parab
 bool set_grain_ray(const GrainTracer& tracer, const Grain& grain, RTCRayHit& out) {
     const Vec3d from = state_after(tracer, grain, grain.chord_t0).x;
     const Vec3d to =
-        (grain.chord_t1 < grain.end ? state_after(tracer, grain, grain.chord_t1) : end_of_arc(tracer, grain))
-            .x;
+        (grain.chord_t1 < grain.end ? state_after(tracer, grain, grain.chord_t1) : grain.end_state).x;
     const Vec3d way = to - from;
     const double length = way.norm(), c = from.cwiseAbs().maxCoeff();
     if (!(length < max_grain_coordinate) || !(c < max_grain_coordinate)) return false;
@@ -481,51 +245,46 @@ Vec3d rebound(const GrainTracer& tracer, const Grain& grain, const Vec3d& v, con
     return speed * d;
 }
 
-// Velocity of the grain that leaves sand instead of one that lands with velocity v.
-Vec3d ejection_velocity(const GrainTracer& tracer, const Grain& grain, const Vec3d& v, const Vec3d& n) {
-    const auto [u0, u1] = event_numbers(tracer, grain.path, 2 * grain.landings + 1);
-    const double rise = tracer.launch * rayleigh(u0);
-    const double yaw = tracer.settings.spread * (2.0 * u1 - 1.0);
-    Vec3d level = std::cos(yaw) * tracer.box.along + std::sin(yaw) * tracer.box.across;
-    level -= level.dot(n) * n;
-    const double length = level.norm();
-    Vec3d out = rise * n;
-    if (length > 1e-6) out += tracer.settings.bed_speed / length * level;
-    const double limit = v.norm(), speed = out.norm();
-    return grain.hits > 0 && speed > limit ? Vec3d(limit / speed * out) : out;
-}
+// ---- events: what becomes of a grain ----
 
-// ---- one grain, one segment ----
+enum class Next : uint8_t { starts_arc, lands, ends };
 
-bool ends(GrainCounts& counts, const Grain& grain, const Vec3d& v, uint64_t& as) {
+Next ends(GrainCounts& counts, const Grain& grain, const Vec3d& v, uint64_t& as) {
     const int64_t energy = grain_quanta(grain_energy(v));
     counts.flight += energy - grain.energy;
     counts.ended += energy;
     ++as;
-    return false;
+    return Next::ends;
 }
 
-bool lands(const GrainTracer& tracer, GrainCounts& counts, Grain& grain, const Vec3d& at, const Vec3d& v,
-           const Vec3d& n) {
-    const int64_t before = grain_quanta(grain_energy(v));
-    counts.flight += before - grain.energy;
+void moves_to(Grain& grain, const Vec3d& x, const Vec3d& v, const Vec3d& normal) {
+    grain.x = x, grain.v = v, grain.normal = normal;
+}
+
+// At the end of a flight, with velocity v: the energy in quanta. Counts what the flight has gained.
+int64_t end_flight(GrainCounts& counts, const Grain& grain, const Vec3d& v) {
+    const int64_t energy = grain_quanta(grain_energy(v));
+    counts.flight += energy - grain.energy;
+    return energy;
+}
+
+// The grain landed with velocity v; leave_sand() has replaced it.
+Next leaves_sand(const GrainTracer& tracer, GrainCounts& counts, Grain& grain, const Vec3d& v) {
+    const int64_t before = end_flight(counts, grain, v);
     ++counts.sand_hits;
-    grain.x = at, grain.v = ejection_velocity(tracer, grain, v, n);
     grain.energy = grain_quanta(grain_energy(grain.v));
     counts.sand += grain.energy - before;
     ++grain.landings;
-    if (grain_energy(grain.v) < tracer.settle || !(grain.v.dot(n) > 0.0))
+    if (grain_energy(grain.v) < tracer.settle || !(grain.v.dot(grain.normal) > 0.0))
         return ends(counts, grain, grain.v, counts.settled);
-    start_arc(tracer, grain, n);
-    return true;
+    return Next::starts_arc;
 }
 
-bool hit_rock(GrainTracer& tracer, GrainCounts& counts, Grain& grain, const GrainHit& hit,
+Next hit_rock(GrainTracer& tracer, GrainCounts& counts, Grain& grain, const GrainHit& hit,
               const RTCRayHit& ray, const Vec3d& v) {
     const GrainSettings& s = tracer.settings;
     const double energy = grain_energy(v), speed = v.norm();
-    const int64_t before = grain_quanta(energy);
-    counts.flight += before - grain.energy;
+    const int64_t before = end_flight(counts, grain, v);
     ++(hit.mesh ? counts.worn_hits : counts.other_hits);
     if (hit.mesh) {
         const double sine = std::min(-v.dot(hit.normal) / speed, 1.0);
@@ -533,8 +292,7 @@ bool hit_rock(GrainTracer& tracer, GrainCounts& counts, Grain& grain, const Grai
         counts.worn += worn;
         add_wear(tracer, hit, ray, worn);
     }
-    grain.x = hit.point + hit.offset * hit.normal;
-    grain.v = rebound(tracer, grain, v, hit.normal);
+    moves_to(grain, hit.point + hit.offset * hit.normal, rebound(tracer, grain, v, hit.normal), hit.normal);
     grain.energy = grain_quanta(grain_energy(grain.v));
     counts.rock += before - grain.energy;
     ++grain.hits;
@@ -545,53 +303,42 @@ bool hit_rock(GrainTracer& tracer, GrainCounts& counts, Grain& grain, const Grai
         left + s.gravity * std::max(grain.x.y() - tracer.box.y0, 0.0) < tracer.threshold)
         return ends(counts, grain, grain.v, counts.spent);
     if (grain.hits >= s.most_hits) return ends(counts, grain, grain.v, counts.given_up);
-    start_arc(tracer, grain, hit.normal);
-    return true;
+    return Next::starts_arc;
 }
 
 // The grain continues, slightly above the surface.
-void grazes(const GrainTracer& tracer, GrainCounts& counts, Grain& grain, const GrainHit& hit,
-            const Vec3d& v) {
+Next grazes(GrainCounts& counts, Grain& grain, const GrainHit& hit, const Vec3d& v) {
     ++counts.grazes;
     const double lack = min_rebound_sine * v.norm() - v.dot(hit.normal);
-    grain.x = hit.point + hit.offset * hit.normal;
-    grain.v = lack > 0.0 ? Vec3d(v + lack * hit.normal) : v;
-    const int64_t energy = grain_quanta(grain_energy(grain.v));
-    counts.flight += energy - grain.energy;
-    grain.energy = energy;
-    start_arc(tracer, grain, hit.normal);
+    moves_to(grain, hit.point + hit.offset * hit.normal, lack > 0.0 ? Vec3d(v + lack * hit.normal) : v,
+             hit.normal);
+    grain.energy = end_flight(counts, grain, grain.v);
+    return Next::starts_arc;
 }
 
-// At the end of an arc that hit nothing. false: the grain has ended.
-bool end_arc(const GrainTracer& tracer, GrainCounts& counts, Grain& grain) {
-    GrainState end = end_of_arc(tracer, grain);
-    grain.segments += uint64_t(std::min(chords_to(grain, grain.end), 0x1p40));
+// At the end of an arc that hit nothing.
+Next end_arc(GrainCounts& counts, Grain& grain) {
+    grain.segments += uint64_t(grain.chords);
+    const GrainState& end = grain.end_state;
     if (grain.at_end == ArcEnd::gives_up) return ends(counts, grain, end.v, counts.given_up);
     if (grain.at_end == ArcEnd::leaves) return ends(counts, grain, end.v, counts.left[size_t(grain.side)]);
-    if (grain.at_end == ArcEnd::lands) {
-        end.x.y() = *tracer.settings.ground;
-        return lands(tracer, counts, grain, end.x, end.v, Vec3d::UnitY());
-    }
-    grain.x = end.x, grain.v = end.v;
-    start_arc(tracer, grain, Vec3d::Zero());
-    return true;
+    const bool lands = grain.at_end == ArcEnd::lands;
+    moves_to(grain, end.x, end.v, lands ? Vec3d(Vec3d::UnitY()) : Vec3d(Vec3d::Zero()));
+    return lands ? Next::lands : Next::starts_arc;
 }
 
-// Handles the traced chord. false: the grain has ended.
-bool advance(GrainTracer& tracer, GrainCounts& counts, Grain& grain, const RTCRayHit& ray) {
-    if (ray.hit.geomID == RTC_INVALID_GEOMETRY_ID) {
-        ++grain.chord;
-        return true;
-    }
+// At the hit of the traced chord.
+Next handle_hit(GrainTracer& tracer, GrainCounts& counts, Grain& grain, const RTCRayHit& ray) {
     grain.segments += grain.chord + 1;
     const GrainHit hit = resolve_hit(tracer, ray);
     const double share = std::clamp(double(ray.ray.tfar), 0.0, 1.0);
     const Vec3d v = state_after(tracer, grain, grain.chord_t0 + share * (grain.chord_t1 - grain.chord_t0)).v;
-    if (std::binary_search(tracer.sand.begin(), tracer.sand.end(), lent_id(ray)))
-        return lands(tracer, counts, grain, hit.point + hit.offset * hit.normal, v, hit.normal);
+    if (std::binary_search(tracer.sand.begin(), tracer.sand.end(), lent_id(ray))) {
+        moves_to(grain, hit.point + hit.offset * hit.normal, v, hit.normal);
+        return Next::lands;
+    }
     if (v.dot(hit.normal) < 0.0) return hit_rock(tracer, counts, grain, hit, ray, v);
-    grazes(tracer, counts, grain, hit, v); // the chord hits a surface that the path is leaving
-    return true;
+    return grazes(counts, grain, hit, v); // the chord hits a surface that the path is leaving
 }
 
 // Hits access memory at random. Prefetching saves a quarter of the time on a million triangles.
@@ -616,92 +363,146 @@ void prefetch_hits(const GrainTracer& tracer, std::span<const RTCRayHit> rays) {
             }
 }
 
-// Checks arcs for empty space in eight lanes, queues those that need rays, and traces these in batches.
+// Handles grains in batches: eight that start, leave sand or begin an arc, eight whose arcs are checked for empty space,
+// and 64 rays. A grain is in one place at a time: a queue of slots, or a lane.
 class GrainWavefront {
   public:
     GrainWavefront(GrainTracer& tracer, uint64_t first, uint64_t end, GrainCounts& counts)
         : tracer_(tracer), counts_(counts), paths_(ordered_paths(tracer, first, end)),
-          grains_(grain_window + lanes), rays_(grains_.size()) {
+          grains_(grain_window + 6 * lanes), rays_(grain_window) {
         for (uint32_t slot = 0; slot < grains_.size(); ++slot) free_.push_back(slot);
     }
 
     void trace() {
-        uint32_t used = 0; // bits of lanes
         for (uint64_t steps = 1;; ++steps) {
             if (steps % 1024 == 0 && tracer_.hooks.cancelled && tracer_.hooks.cancelled()) return;
-            for (int lane = 0; lane < lanes && ray_queue_.size() < grain_window; ++lane)
-                if ((used >> lane & 1U) == 0 && load(lane)) used |= 1U << lane;
-            if (ray_queue_.size() >= grain_window || used == 0) {
-                if (ray_queue_.empty()) return;
-                trace_rays();
-                if (tracer_.hooks.cancelled && tracer_.hooks.cancelled()) return;
-                continue;
-            }
-            for (uint32_t done = tracer_.empty.step(parabolas_) & used; done != 0; done &= done - 1) {
-                const int lane = std::countr_zero(done);
-                if (!retire_lane(lane)) used &= ~(1U << lane);
-            }
+            if (ray_queue_.size() + lanes > grain_window) trace_rays();
+            fill_lanes();
+            if (used_ != all_used && feed()) continue;
+            if (used_ == 0) return;
+            for (uint32_t done = tracer_.empty.step(parabolas_) & used_; done != 0; done &= done - 1)
+                retire_lane(std::countr_zero(done));
         }
     }
 
   private:
-    // The next grain into a lane. false: there is none at present.
-    bool load(int lane) {
-        while (true) {
-            if (!ready_.empty()) {
-                slot_[lane] = ready_.back();
-                ready_.pop_back();
-            } else if (next_ < paths_.size()) {
-                slot_[lane] = free_.back();
-                free_.pop_back();
-                Grain& grain = grains_[slot_[lane]] = emit_grain(tracer_, paths_[next_++]);
-                counts_.started += grain.energy;
-                start_arc(tracer_, grain, Vec3d::Zero());
-            } else {
-                return false;
-            }
-            if (refill_lane(lane)) return true;
+    using Slots = std::vector<uint32_t>;
+    static constexpr uint32_t all_used = (1U << lanes) - 1U;
+
+    // Grains on arcs into free lanes.
+    void fill_lanes() {
+        while (used_ != all_used && !flying_.empty()) {
+            const uint32_t slot = flying_.back();
+            flying_.pop_back();
+            const int lane = std::countr_one(used_);
+            if (set_parabola(grains_[slot], lane, parabolas_))
+                slot_[size_t(lane)] = slot, used_ |= 1U << lane;
+            else
+                put(slot, end_arc(counts_, grains_[slot]));
         }
     }
 
-    // Sets up a lane for the rest of its grain's arc, or the next arc. false: the grain has ended.
-    bool refill_lane(int lane) {
-        Grain& grain = grains_[slot_[lane]];
-        while (true) {
-            if (set_parabola(tracer_, grain, lane, parabolas_)) return true;
-            if (!end_arc(tracer_, counts_, grain)) break;
-        }
-        free_.push_back(slot_[lane]);
-        return false;
-    }
-
-    // false: the lane is free.
-    bool retire_lane(int lane) {
-        Grain& grain = grains_[slot_[lane]];
-        if (parabolas_.t_clear[lane] < parabolas_.t_max[lane]) { // near something
-            find_chord(grain, start_of_chord(grain, grain.chord) + double(parabolas_.t_clear[lane]));
-            if (set_grain_ray(tracer_, grain, rays_[ray_queue_.size()])) {
-                ray_queue_.push_back(slot_[lane]);
-            } else {
-                ends(counts_, grain, grain.v, counts_.given_up);
-                free_.push_back(slot_[lane]);
-            }
+    // Handles a batch, so that more grains fly. false: all grains are in lanes, or have ended.
+    bool feed() {
+        if (landing_.size() >= lanes)
+            leave_sand();
+        else if (starting_.size() >= lanes)
+            start_arcs();
+        else if (next_ < paths_.size())
+            emit_grains();
+        else if (!landing_.empty())
+            leave_sand();
+        else if (!starting_.empty())
+            start_arcs();
+        else if (!ray_queue_.empty())
+            trace_rays();
+        else
             return false;
+        return true;
+    }
+
+    // The last slots of a queue, at most eight, and their grains.
+    GrainBatch take(Slots& from) {
+        const size_t count = std::min(from.size(), size_t(lanes));
+        for (size_t k = 0; k < count; ++k) {
+            batch_slots_[k] = from.back();
+            batch_[k] = &grains_[from.back()];
+            from.pop_back();
         }
-        if (end_arc(tracer_, counts_, grain)) return refill_lane(lane);
-        free_.push_back(slot_[lane]);
-        return false;
+        return {batch_.data(), count};
+    }
+
+    void put(uint32_t slot, Next next) {
+        (next == Next::ends ? free_ : next == Next::lands ? landing_ : starting_).push_back(slot);
+    }
+
+    void emit_grains() {
+        const GrainBatch all = take(free_); // there are free slots: other places hold fewer than all
+        const size_t count = std::min(all.size(), paths_.size() - next_);
+        for (size_t k = count; k < all.size(); ++k) free_.push_back(batch_slots_[k]);
+        const GrainBatch batch = all.first(count);
+        for (Grain* grain : batch)
+            grain->path = paths_[next_++], grain->hits = grain->landings = 0, grain->segments = 0;
+        marram::emit_grains(tracer_, batch);
+        for (Grain* grain : batch) counts_.started += grain->energy = grain_quanta(grain_energy(grain->v));
+        fly(batch);
+    }
+
+    void leave_sand() {
+        GrainBatch batch = take(landing_);
+        std::array<Vec3d, lanes> before;
+        for (size_t k = 0; k < batch.size(); ++k) before[k] = batch[k]->v;
+        marram::leave_sand(tracer_, batch);
+        size_t count = 0;
+        for (size_t k = 0; k < batch.size(); ++k) {
+            const uint32_t slot = batch_slots_[k];
+            if (leaves_sand(tracer_, counts_, *batch[k], before[k]) == Next::ends)
+                free_.push_back(slot);
+            else
+                batch_[count] = batch[k], batch_slots_[count++] = slot;
+        }
+        fly(batch.first(count));
+    }
+
+    void start_arcs() { fly(take(starting_)); }
+
+    void fly(GrainBatch batch) {
+        if (batch.empty()) return;
+        marram::start_arcs(tracer_, batch);
+        flying_.insert(flying_.end(), batch_slots_.begin(),
+                       batch_slots_.begin() + std::ptrdiff_t(batch.size()));
+    }
+
+    void retire_lane(int lane) {
+        const uint32_t slot = slot_[size_t(lane)];
+        Grain& grain = grains_[slot];
+        used_ &= ~(1U << lane);
+        const double clear = double(parabolas_.t_clear[lane]);
+        if (!(clear < grain.end)) {
+            put(slot, end_arc(counts_, grain));
+            return;
+        }
+        find_chord(grain, clear); // near something
+        if (set_grain_ray(tracer_, grain, rays_[ray_queue_.size()]))
+            ray_queue_.push_back(slot);
+        else
+            put(slot, ends(counts_, grain, grain.v, counts_.given_up));
     }
 
     void trace_rays() {
         const std::span<RTCRayHit> batch = std::span(rays_).first(ray_queue_.size());
         if (tracer_.hooks.rays) tracer_.hooks.rays(batch);
-        marram_intersect_many(tracer_.scene, batch.data(), unsigned(batch.size()));
+        for (RTCRayHit& ray : batch)
+            marram_intersect1(tracer_.scene, &ray, 0); // a stream takes a third longer
         counts_.rays += batch.size();
         prefetch_hits(tracer_, batch);
-        for (size_t k = 0; k < batch.size(); ++k)
-            (advance(tracer_, counts_, grains_[ray_queue_[k]], batch[k]) ? ready_ : free_)
-                .push_back(ray_queue_[k]);
+        for (size_t k = 0; k < batch.size(); ++k) {
+            const uint32_t slot = ray_queue_[k];
+            if (batch[k].hit.geomID != RTC_INVALID_GEOMETRY_ID)
+                put(slot, handle_hit(tracer_, counts_, grains_[slot], batch[k]));
+            else
+                ++grains_[slot].chord, flying_.push_back(slot);
+        }
         ray_queue_.clear();
     }
 
@@ -711,8 +512,10 @@ class GrainWavefront {
     size_t next_ = 0; // of them
     std::vector<Grain> grains_;
     std::vector<RTCRayHit> rays_;
-    std::vector<uint32_t> free_, ready_, ray_queue_; // slots
-    std::array<uint32_t, lanes> slot_{};
+    Slots free_, landing_, starting_, flying_, ray_queue_;
+    std::array<Grain*, lanes> batch_{};
+    std::array<uint32_t, lanes> batch_slots_{}, slot_{};
+    uint32_t used_ = 0; // bits of lanes
     Parabolas8 parabolas_{};
 };
 
@@ -775,9 +578,8 @@ GrainReport trace_grains(RTCScene scene, std::span<const WornMesh> meshes, const
     for (const GrainCounts& c : counts) add_counts(report, c);
     report.grains = settings.paths;
     report.cancelled = report.ended_grains() != report.grains;
-    const double share = -std::expm1(-tracer.box.top / settings.height);
     const double width = tracer.box.t1 - tracer.box.t0;
-    report.mass_per_grain = settings.transport * width * share / double(settings.paths);
+    report.mass_per_grain = settings.transport * width * tracer.share / double(settings.paths);
     const double volume = report.mass_per_grain * grain_quantum / settings.energy_per_volume;
     report.volume = double(report.worn) * volume;
     if (!report.cancelled) write_wear(tracer, volume, wear, triangle_wear);

@@ -6,21 +6,27 @@
 // Burley, "Practical hash-based Owen scrambling", JCGT 2020.
 #pragma once
 
+#include "core/math/simd.h"
+
 #include <array>
 #include <cstdint>
 
 namespace marram {
 
-constexpr uint32_t reversed_bits(uint32_t x) {
+// V: uint32_t, or VUint for eight at a time.
+template <typename V>
+MARRAM_INLINE constexpr V reversed_bits(V x) {
     x = ((x >> 1) & 0x55555555U) | ((x & 0x55555555U) << 1);
     x = ((x >> 2) & 0x33333333U) | ((x & 0x33333333U) << 2);
     x = ((x >> 4) & 0x0f0f0f0fU) | ((x & 0x0f0f0f0fU) << 4);
-    return __builtin_bswap32(x);
+    x = ((x >> 8) & 0x00ff00ffU) | ((x & 0x00ff00ffU) << 8);
+    return (x >> 16) | (x << 16);
 }
 
 // Permutes the 2^32 numbers such that aligned blocks of power-of-two size are kept. Used to shuffle indices,
 // and for the Owen scrambling of a coordinate's bits.
-constexpr uint32_t owen_shuffle(uint32_t x, uint32_t seed) {
+template <typename V, typename Seed>
+MARRAM_INLINE constexpr V owen_shuffle(V x, Seed seed) {
     x = reversed_bits(x);
     x += seed;
     x ^= x * 0x6c50b47cU;
@@ -28,6 +34,18 @@ constexpr uint32_t owen_shuffle(uint32_t x, uint32_t seed) {
     x ^= x * 0xc7afe638U;
     x ^= x * 0x8d22f6e6U;
     return reversed_bits(x);
+}
+
+// Dimension 1, without tables. Reversed, direction number k is the polynomial (1 + x)^k over GF(2), so a point is its
+// index at 1 + x, which halving finds: (1 + x)^16 = 1 + x^16.
+template <typename V>
+MARRAM_INLINE constexpr V sobol_1(V index) {
+    index ^= (index >> 16) & 0x0000ffffU;
+    index ^= (index >> 8) & 0x00ff00ffU;
+    index ^= (index >> 4) & 0x0f0f0f0fU;
+    index ^= (index >> 2) & 0x33333333U;
+    index ^= (index >> 1) & 0x55555555U;
+    return reversed_bits(index);
 }
 
 constexpr std::array<std::array<uint32_t, 32>, 5> sobol_directions() {
@@ -66,13 +84,16 @@ constexpr std::array<SobolBytes, 5> sobol_bytes() {
     return sums;
 }
 
-// Coordinate `dimension` (0 to 4) of a point, in [0, 1).
-inline double sobol_point(uint32_t index, int dimension, uint32_t seed) {
+// Coordinate `dimension` (0 to 4) of a point, times 2^32.
+inline uint32_t sobol_bits(uint32_t index, int dimension) {
     static constexpr std::array<SobolBytes, 5> sums = sobol_bytes();
     const SobolBytes& of = sums[size_t(dimension)];
-    const uint32_t x =
-        of[0][index & 255U] ^ of[1][index >> 8 & 255U] ^ of[2][index >> 16 & 255U] ^ of[3][index >> 24];
-    return double(owen_shuffle(x, seed)) * 0x1p-32;
+    return of[0][index & 255U] ^ of[1][index >> 8 & 255U] ^ of[2][index >> 16 & 255U] ^ of[3][index >> 24];
+}
+
+// The coordinate, scrambled, in [0, 1).
+inline double sobol_point(uint32_t index, int dimension, uint32_t seed) {
+    return double(owen_shuffle(sobol_bits(index, dimension), seed)) * 0x1p-32;
 }
 
 } // namespace marram

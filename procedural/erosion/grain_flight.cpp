@@ -1,0 +1,401 @@
+// SPDX-License-Identifier: Apache-2.0
+// Eight grains are computed side by side, a grain a lane: with level sand around a rock a grain starts six arcs, most
+// of them from sand. The grains themselves are structs that are read from and written to lanes, as eight neighbours
+// rarely meet the next event together.
+#include "procedural/erosion/grain_flight.h"
+
+#include "core/math/hash.h"
+#include "procedural/erosion/sobol.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace marram {
+namespace {
+
+constexpr uint32_t start_places = 32; // in each direction of the start plane, for the order of grains
+constexpr double longest_arc = 1e6;   // s
+constexpr double most_chords = 0x1p40;
+
+struct alignas(64) Grains8 {
+    Wide3d x, v, normal;
+    VDouble chords_left; // before a grain gives up
+    // The arc:
+    Wide3d acceleration, end_x, end_v;
+    VDouble first_chord_time, chord_time, end, chords;
+    VLong at_end, side;
+    Parabolas8 parabolas;
+};
+
+struct alignas(32) EventKeys8 {
+    VUint path, order, scrambling[2];
+    VLong has_hit; // a mask: the grain has hit rock
+};
+
+struct alignas(64) Starts8 {
+    VUint numbers[5]; // points of the Sobol sequence before they are scrambled
+    Wide3d x, v;      // x.y is relative to the ground
+    VDouble across;   // 0 to 1
+};
+
+// ---- lanes ----
+
+void set_lane(Wide3d& to, int lane, const Vec3d& from) {
+    to.x[lane] = from.x(), to.y[lane] = from.y(), to.z[lane] = from.z();
+}
+
+Vec3d in_lane(const Wide3d& from, int lane) { return {from.x[lane], from.y[lane], from.z[lane]}; }
+
+// Lanes without a grain repeat the first.
+template <typename F>
+void for_lanes(GrainBatch grains, F&& f) {
+    for (int lane = 0; lane < lanes; ++lane)
+        f(lane, *grains[size_t(lane) < grains.size() ? size_t(lane) : 0]);
+}
+
+// ---- random numbers ----
+
+MARRAM_INLINE VDouble unit_numbers(VUint x) { return (to_double(VInt(x ^ 0x80000000U)) + 0x1p31) * 0x1p-32; }
+
+// sqrt(-2 ln(1 - u)): 1 - u is exact, as u is a multiple of 2^-32.
+MARRAM_INLINE VDouble rayleigh(const VDouble& u) { return vsqrt(-2.0 * vlog(1.0 - u)); }
+
+double grain_unit(const GrainTracer& tracer, uint64_t path, int dimension) {
+    return sobol_point(uint32_t(path), dimension, tracer.shifts[size_t(dimension)]);
+}
+
+EventSeeds seeds_of(const GrainTracer& tracer, uint32_t event) {
+    return event < tracer.event_seeds.size() ? tracer.event_seeds[event]
+                                             : event_seeds(tracer.settings.seed, event);
+}
+
+// ---- the stream ----
+
+MARRAM_INLINE VDouble stream_speeds(const GrainSettings& s, const VDouble& h) {
+    return s.bed_speed + (s.speed - s.bed_speed) * (1.0 - vexp(-vmin(h * (1.0 / s.speed_height), 700.0)));
+}
+
+MARRAM_HOT void find_starts(const GrainTracer& tracer, Starts8& starts) {
+    const GrainSettings& s = tracer.settings;
+    const GrainBox& box = tracer.box;
+    VDouble u[5];
+    for (int d = 0; d < 5; ++d)
+        u[d] = unit_numbers(owen_shuffle(starts.numbers[d], tracer.shifts[size_t(d)]));
+    starts.across = u[0];
+    const VDouble h = vmin(-s.height * vlog(1.0 - tracer.share * u[1]), box.top);
+    VDouble sine, cosine;
+    sincos(2.0 * pi * u[3], sine, cosine);
+    const VDouble rise = tracer.launch * rayleigh(u[2]) * cosine;
+    sincos_half_pi(s.spread * (2.0 * u[4] - 1.0), sine, cosine);
+    const VDouble t = box.t0 + u[0] * (box.t1 - box.t0), speed = stream_speeds(s, h);
+    starts.x.x = box.start * box.along.x() + t * box.across.x();
+    starts.x.y = h;
+    starts.x.z = box.start * box.along.z() + t * box.across.z();
+    starts.v.x = speed * (cosine * box.along.x() + sine * box.across.x());
+    starts.v.y = rise;
+    starts.v.z = speed * (cosine * box.along.z() + sine * box.across.z());
+}
+
+// The velocities of the grains that leave sand instead of those that land.
+MARRAM_HOT void find_ejections(const GrainTracer& tracer, const EventKeys8& keys, Grains8& g) {
+    const GrainBox& box = tracer.box;
+    const VUint index = owen_shuffle(keys.path, keys.order);
+    const VDouble u0 = unit_numbers(owen_shuffle(reversed_bits(index), keys.scrambling[0]));
+    const VDouble u1 = unit_numbers(owen_shuffle(sobol_1(index), keys.scrambling[1]));
+    const VDouble rise = tracer.launch * rayleigh(u0);
+    VDouble sine, cosine;
+    sincos_half_pi(tracer.settings.spread * (2.0 * u1 - 1.0), sine, cosine);
+    const Wide3d level = {cosine * box.along.x() + sine * box.across.x(), splat(0.0),
+                          cosine * box.along.z() + sine * box.across.z()};
+    const Wide3d along = level - g.normal * dot(level, g.normal);
+    const VDouble length = vsqrt(dot(along, along));
+    const VDouble per_length = select(length > 1e-6, tracer.settings.bed_speed / length, 0.0);
+    const Wide3d out = g.normal * rise + along * per_length;
+    const VDouble limit = vsqrt(dot(g.v, g.v)), speed = vsqrt(dot(out, out));
+    g.v = out * select(keys.has_hit & (speed > limit), limit / speed, 1.0);
+}
+
+// ---- arcs ----
+
+// The time at which q + v t - g t^2 / 2 falls to `low`, g >= 0. For q < low: the time of return to q, 0 if v <= 0.
+MARRAM_INLINE VDouble time_to_fall(const VDouble& q, const VDouble& v, double g, double low) {
+    const VDouble drop = vmax(q - low, 0.0), root = vsqrt(v * v + 2.0 * g * drop);
+    const VDouble falls = select(drop > 0.0, 2.0 * drop / (root - v), 0.0);
+    return select(v > 0.0, (v + root) / g, falls);
+}
+
+// Time until a point with constant velocity leaves an interval. NaN at a border without velocity.
+MARRAM_INLINE VDouble time_to_leave(const VDouble& q, const VDouble& v, const VDouble& low,
+                                    const VDouble& high) {
+    return vmax(select(v > 0.0, high - q, q - low), 0.0) / vabs(v);
+}
+
+// 1 - e^-x, x >= 0. Error < 1e-13 relative.
+MARRAM_INLINE VDouble decay_after(const VDouble& x) {
+    VDouble p = splat(1.0 / 40320.0);
+    p = 1.0 / 5040.0 - x * p;
+    p = 1.0 / 720.0 - x * p;
+    p = 1.0 / 120.0 - x * p;
+    p = 1.0 / 24.0 - x * p;
+    p = 1.0 / 6.0 - x * p;
+    p = 0.5 - x * p;
+    return select(x < 0.1, x * (1.0 - x * p), 1.0 - vexp(-vmin(x, 700.0)));
+}
+
+MARRAM_INLINE void find_end_state(double drag_time, Grains8& g) {
+    if (drag_time <= 0.0) {
+        g.end_x = g.x + (g.v + g.acceleration * (0.5 * g.end)) * g.end;
+        g.end_v = g.v + g.acceleration * g.end;
+        return;
+    }
+    const VDouble tau = splat(drag_time), decay = decay_after(g.end / drag_time);
+    const Wide3d final_velocity = g.v + g.acceleration * tau;
+    g.end_x = g.x + final_velocity * g.end + (g.v - final_velocity) * (tau * decay);
+    g.end_v = g.v + (final_velocity - g.v) * decay;
+}
+
+MARRAM_INLINE VLong as_lanes(ArcEnd end) { return VLong::splat(int64_t(end)); }
+MARRAM_INLINE VLong as_lanes(GrainSide side) { return VLong::splat(int64_t(side)); }
+
+// Without drag an arc is a parabola that ends on level sand or at a side of the box.
+MARRAM_INLINE void find_arc_ends(const GrainTracer& tracer, Grains8& g) {
+    const GrainBox& box = tracer.box;
+    const double gravity = tracer.settings.gravity;
+    const Wide3d along = splat3(box.along.data()), across = splat3(box.across.data());
+    const VDouble s = dot(g.x, along), t = dot(g.x, across), vs = dot(g.v, along), vt = dot(g.v, across);
+    const VDouble edge = 4.0 * grain_step * (vabs(s) + vabs(t) + box.size);
+    g.end = splat(longest_arc), g.at_end = as_lanes(ArcEnd::goes_on), g.side = as_lanes(GrainSide::downwind);
+    const auto ends_before = [&](const VDouble& time, ArcEnd at_end, const VLong& side) MARRAM_ALWAYS_INLINE {
+        const VLong before = time < g.end;
+        g.end = select(before, time, g.end);
+        g.at_end = select(before, as_lanes(at_end), g.at_end), g.side = select(before, side, g.side);
+    };
+    ends_before(time_to_leave(s, vs, box.start - edge, splat(box.s1)), ArcEnd::leaves,
+                select(vs > 0.0, as_lanes(GrainSide::downwind), as_lanes(GrainSide::upwind)));
+    ends_before(time_to_leave(t, vt, box.t0 - edge, box.t1 + edge), ArcEnd::leaves,
+                select(vt > 0.0, as_lanes(GrainSide::right), as_lanes(GrainSide::left)));
+    if (gravity == 0.0)
+        ends_before(select(g.v.y > 0.0, time_to_leave(g.x.y, g.v.y, splat(box.y0), splat(box.y1)), infinity),
+                    ArcEnd::leaves, as_lanes(GrainSide::above));
+    const auto& ground = tracer.settings.ground; // above box.y0
+    ends_before(time_to_fall(g.x.y, g.v.y, gravity, ground.value_or(box.y0)),
+                ground ? ArcEnd::lands : ArcEnd::leaves, as_lanes(GrainSide::below));
+    find_end_state(0.0, g);
+    if (ground) g.end_x.y = select(g.at_end == int64_t(ArcEnd::lands), *ground, g.end_x.y);
+}
+
+// With drag the speed of the air is held constant over one chord, so each chord is an arc.
+MARRAM_INLINE void find_arc_ends_with_drag(const GrainTracer& tracer, Grains8& g) {
+    const GrainBox& box = tracer.box;
+    const double tau = tracer.settings.drag_time;
+    g.end = g.first_chord_time, g.at_end = as_lanes(ArcEnd::goes_on), g.side = as_lanes(GrainSide::downwind);
+    find_end_state(tau, g);
+    VLong lands = {};
+    if (const auto& ground = tracer.settings.ground) {
+        lands = g.end_x.y < *ground;
+        if (any(lands)) {
+            const VDouble share = (g.x.y - *ground) / (g.x.y - g.end_x.y);
+            g.end = select(lands, g.end * vmin(vmax(share, 0.0), 1.0), g.end);
+            find_end_state(tau, g);
+            // Newton's iteration: where the chord meets the sand the curve is still above it, and above what lies on it.
+            for (int k = 0; k < 4; ++k) {
+                const VLong falls = lands & (g.end_v.y < 0.0);
+                const VDouble next = g.end + (g.end_x.y - *ground) / -g.end_v.y;
+                g.end = select(falls, vmin(vmax(next, 0.0), g.first_chord_time), g.end);
+                find_end_state(tau, g);
+            }
+            g.end_x.y = select(lands, *ground, g.end_x.y);
+        }
+    }
+    const VDouble s = dot(g.end_x, splat3(box.along.data())), t = dot(g.end_x, splat3(box.across.data()));
+    const VDouble edge = 4.0 * grain_step * (vabs(s) + vabs(t) + box.size);
+    VLong leaves = {};
+    const auto leaves_if = [&](const VLong& beyond, GrainSide side) MARRAM_ALWAYS_INLINE {
+        leaves = leaves | beyond;
+        g.side = select(beyond, as_lanes(side), g.side);
+    };
+    if (tracer.settings.gravity <= 0.0)
+        leaves_if((g.end_x.y > box.y1) & (g.end_v.y >= 0.0), GrainSide::above);
+    leaves_if(g.end_x.y < box.y0, GrainSide::below);
+    leaves_if(t > box.t1 + edge, GrainSide::right);
+    leaves_if(t < box.t0 - edge, GrainSide::left);
+    leaves_if(s < box.start - edge, GrainSide::upwind);
+    leaves_if(s > box.s1, GrainSide::downwind);
+    g.at_end = select(leaves, as_lanes(ArcEnd::leaves), g.at_end);
+    g.at_end = select(lands, as_lanes(ArcEnd::lands), g.at_end);
+}
+
+MARRAM_INLINE VLong is_outside_horizontally(const GrainBox& box, const Wide3d& p) {
+    const VDouble s = dot(p, splat3(box.along.data())), t = dot(p, splat3(box.across.data()));
+    return (s < box.start) | (s > box.s1) | (t < box.t0) | (t > box.t1);
+}
+
+// With drag the only chord is straight, and may leave the box: what is outside is not known to be empty. `length` of the
+// arcs: their rounding to floats is part of the clearance.
+MARRAM_INLINE void set_parabolas(const GrainTracer& tracer, const VDouble& length, Grains8& g) {
+    const bool drags = tracer.settings.drag_time > 0.0;
+    const Wide3d x = g.x - splat3(tracer.empty.low().data());
+    const Wide3d v = drags ? (g.end_x - g.x) * (1.0 / vmax(g.end, 1e-300)) : g.v;
+    const Wide3f from = to_float(x), velocity = to_float(v), a = to_float(g.acceleration);
+    const auto set = [](VFloat(&to)[3], const Wide3f& of)
+                         MARRAM_ALWAYS_INLINE { to[0] = of.x, to[1] = of.y, to[2] = of.z; };
+    set(g.parabolas.x, from), set(g.parabolas.v, velocity);
+    set(g.parabolas.a, drags ? Wide3f{} : a);
+    g.parabolas.t_max = to_float(g.end * (1.0 + 0x1p-23)); // not before the end
+    VLong needs_ray = tracer.hooks.rays ? all_lanes : VLong{};
+    if (drags)
+        needs_ray = needs_ray | is_outside_horizontally(tracer.box, g.x) |
+                    is_outside_horizontally(tracer.box, g.end_x);
+    g.parabolas.min_step = to_float(select(needs_ray, infinity, 0.125 * vmin(g.chord_time, g.end)));
+    const VDouble largest = vmax(vmax(vabs(x.x), vabs(x.y)), vabs(x.z));
+    g.parabolas.clearance = to_float((drags ? 0.0 : tracer.sag) + 0x1p-20 * (largest + length));
+}
+
+MARRAM_HOT void find_arcs(const GrainTracer& tracer, Grains8& g) {
+    const GrainSettings& s = tracer.settings;
+    const bool drags = s.drag_time > 0.0;
+    g.acceleration = {splat(0.0), splat(-s.gravity), splat(0.0)};
+    VDouble a = splat(s.gravity);
+    if (drags) {
+        const VDouble air = stream_speeds(s, vmax(g.x.y - s.ground.value_or(tracer.box.base), 0.0));
+        g.acceleration.x += (air * tracer.box.along.x() - g.v.x) / s.drag_time;
+        g.acceleration.y -= g.v.y / s.drag_time;
+        g.acceleration.z += (air * tracer.box.along.z() - g.v.z) / s.drag_time;
+        a = vsqrt(dot(g.acceleration, g.acceleration));
+    }
+    const VDouble v = vsqrt(dot(g.v, g.v));
+    g.chord_time = select(a > 0.0, vsqrt(8.0 * tracer.sag / a), longest_arc);
+    g.chord_time = select(v > 0.0, vmin(g.chord_time, 1.01 * tracer.box.size / v), g.chord_time);
+    const VDouble falls = -dot(g.acceleration, g.normal);
+    const VDouble half_hop = vmax(dot(g.v, g.normal), 0.0) / falls;
+    g.first_chord_time = select(falls > 0.0, vmin(g.chord_time, half_hop), g.chord_time);
+    if (drags)
+        find_arc_ends_with_drag(tracer, g);
+    else
+        find_arc_ends(tracer, g);
+    const VDouble more = vmin((g.end - g.first_chord_time) / g.chord_time, most_chords);
+    g.chords = select(g.end > g.first_chord_time, 1.0 - vfloor(-more), 1.0);
+    const VLong gives_up = g.chords > g.chords_left;
+    if (any(gives_up)) {
+        const VDouble last = g.chords_left - 1.0;
+        const VDouble end = select(last > 0.0, g.first_chord_time + last * g.chord_time, 0.0);
+        g.end = select(gives_up, end, g.end);
+        g.chords = select(gives_up, g.chords_left, g.chords);
+        g.at_end = select(gives_up, as_lanes(ArcEnd::gives_up), g.at_end);
+        const Wide3d end_x = g.end_x, end_v = g.end_v;
+        find_end_state(s.drag_time, g);
+        g.end_x = select(gives_up, g.end_x, end_x), g.end_v = select(gives_up, g.end_v, end_v);
+    }
+    set_parabolas(tracer, (v + 0.5 * a * g.end) * g.end, g);
+}
+
+void load_grains(const GrainTracer& tracer, GrainBatch grains, Grains8& g) {
+    for_lanes(grains, [&](int lane, const Grain& grain) {
+        set_lane(g.x, lane, grain.x), set_lane(g.v, lane, grain.v), set_lane(g.normal, lane, grain.normal);
+        g.chords_left[lane] = std::max(double(tracer.settings.most_segments) - double(grain.segments), 0.0);
+    });
+}
+
+} // namespace
+
+EventSeeds event_seeds(uint32_t seed, uint32_t event) {
+    const uint64_t key = hash(seed, 0x6576ULL + event);
+    return {uint32_t(key), {uint32_t(hash(key, 1)), uint32_t(hash(key, 2))}};
+}
+
+std::array<double, 2> event_numbers(const GrainTracer& tracer, uint64_t path, uint32_t event) {
+    const EventSeeds seeds = seeds_of(tracer, event);
+    const uint32_t index = owen_shuffle(uint32_t(path), seeds.order);
+    return {double(owen_shuffle(reversed_bits(index), seeds.scrambling[0])) * 0x1p-32,
+            double(owen_shuffle(sobol_1(index), seeds.scrambling[1])) * 0x1p-32};
+}
+
+std::vector<uint32_t> ordered_paths(const GrainTracer& tracer, uint64_t first, uint64_t end) {
+    const auto place = [&](uint64_t path) {
+        const auto at = [&](int dimension) {
+            return uint32_t(grain_unit(tracer, path, dimension) * double(start_places));
+        };
+        const uint32_t across = at(0), up = at(1);
+        return across * start_places + (across % 2 == 0 ? up : start_places - 1 - up);
+    };
+    std::vector<uint16_t> places(end - first);
+    std::array<uint32_t, start_places * start_places + 1> starts{};
+    for (uint64_t path = first; path < end; ++path) {
+        places[path - first] = uint16_t(place(path));
+        ++starts[places[path - first] + 1U];
+    }
+    for (size_t k = 1; k < starts.size(); ++k) starts[k] += starts[k - 1];
+    std::vector<uint32_t> order(end - first);
+    for (uint64_t path = first; path < end; ++path) order[starts[places[path - first]]++] = uint32_t(path);
+    return order;
+}
+
+void emit_grains(const GrainTracer& tracer, GrainBatch grains) {
+    Starts8 starts;
+    for_lanes(grains, [&](int lane, const Grain& grain) {
+        for (int d = 0; d < 5; ++d) starts.numbers[d][lane] = sobol_bits(uint32_t(grain.path), d);
+    });
+    find_starts(tracer, starts);
+    for (size_t k = 0; k < grains.size(); ++k) {
+        const int lane = int(k);
+        Grain& grain = *grains[k];
+        const double across = starts.across[lane];
+        const auto place = std::min(size_t(across * double(grain_profile)), size_t(grain_profile) - 1);
+        grain.x = in_lane(starts.x, lane), grain.v = in_lane(starts.v, lane);
+        grain.x.y() += tracer.box.ground[place];
+        grain.normal = Vec3d::Zero();
+    }
+}
+
+void leave_sand(const GrainTracer& tracer, GrainBatch grains) {
+    Grains8 g;
+    load_grains(tracer, grains, g);
+    EventKeys8 keys;
+    for_lanes(grains, [&](int lane, const Grain& grain) {
+        const EventSeeds seeds = seeds_of(tracer, 2 * grain.landings + 1);
+        keys.path[lane] = uint32_t(grain.path), keys.order[lane] = seeds.order;
+        keys.scrambling[0][lane] = seeds.scrambling[0], keys.scrambling[1][lane] = seeds.scrambling[1];
+        keys.has_hit[lane] = grain.hits > 0 ? -1 : 0;
+    });
+    find_ejections(tracer, keys, g);
+    for (size_t k = 0; k < grains.size(); ++k) grains[k]->v = in_lane(g.v, int(k));
+}
+
+void start_arcs(const GrainTracer& tracer, GrainBatch grains) {
+    Grains8 g;
+    load_grains(tracer, grains, g);
+    find_arcs(tracer, g);
+    for (size_t k = 0; k < grains.size(); ++k) {
+        const int lane = int(k);
+        Grain& grain = *grains[k];
+        grain.acceleration = in_lane(g.acceleration, lane);
+        grain.first_chord_time = g.first_chord_time[lane], grain.chord_time = g.chord_time[lane];
+        grain.end = g.end[lane], grain.chords = g.chords[lane];
+        grain.end_state = {in_lane(g.end_x, lane), in_lane(g.end_v, lane)};
+        grain.at_end = ArcEnd(g.at_end[lane]), grain.side = GrainSide(g.side[lane]);
+        grain.chord = grain.first_chord_time > 0.0 ? 0 : 1;
+        for (int axis = 0; axis < 3; ++axis) {
+            grain.parabola.x[axis] = g.parabolas.x[axis][lane];
+            grain.parabola.v[axis] = g.parabolas.v[axis][lane];
+            grain.parabola.a[axis] = g.parabolas.a[axis][lane];
+        }
+        grain.parabola.t_max = g.parabolas.t_max[lane];
+        grain.parabola.min_step = g.parabolas.min_step[lane];
+        grain.parabola.clearance = g.parabolas.clearance[lane];
+    }
+}
+
+GrainState state_after(const GrainTracer& tracer, const Grain& grain, double t) {
+    const double tau = tracer.settings.drag_time;
+    if (tau <= 0.0) {
+        const Vec3d half = 0.5 * t * grain.acceleration;
+        return {grain.x + t * (grain.v + half), grain.v + 2.0 * half};
+    }
+    if (t == 0.0) return {grain.x, grain.v};
+    const double decay = -std::expm1(-t / tau);
+    const Vec3d final_velocity = grain.v + tau * grain.acceleration;
+    return {grain.x + t * final_velocity + (tau * decay) * (grain.v - final_velocity),
+            grain.v + decay * (final_velocity - grain.v)};
+}
+
+} // namespace marram

@@ -27,7 +27,7 @@ struct alignas(64) Grains8 {
     Parabolas8 parabolas;
 };
 
-struct alignas(32) EventKeys8 {
+struct alignas(64) EventKeys8 {
     VUint path, order, scrambling[2];
     VLong has_hit; // a mask: the grain has hit rock
 };
@@ -60,6 +60,17 @@ MARRAM_INLINE VDouble unit_numbers(VUint x) { return (to_double(VInt(x ^ 0x80000
 // sqrt(-2 ln(1 - u)): 1 - u is exact, as u is a multiple of 2^-32.
 MARRAM_INLINE VDouble rayleigh(const VDouble& u) { return vsqrt(-2.0 * vlog(1.0 - u)); }
 
+// -ln(1 - x), 0 <= x < 1. Error < 1e-14 relative: near 0 by the series of atanh.
+MARRAM_INLINE VDouble time_of_share(const VDouble& x) {
+    const VDouble z = x / (2.0 - x), w = z * z;
+    VDouble p = splat(1.0 / 11.0);
+    p = p * w + 1.0 / 9.0;
+    p = p * w + 1.0 / 7.0;
+    p = p * w + 1.0 / 5.0;
+    p = p * w + 1.0 / 3.0;
+    return select(x < 0.1, 2.0 * z + 2.0 * z * w * p, -vlog(1.0 - x));
+}
+
 double grain_unit(const GrainTracer& tracer, uint64_t path, int dimension) {
     return sobol_point(uint32_t(path), dimension, tracer.shifts[size_t(dimension)]);
 }
@@ -82,7 +93,7 @@ MARRAM_HOT void find_starts(const GrainTracer& tracer, Starts8& starts) {
     for (int d = 0; d < 5; ++d)
         u[d] = unit_numbers(owen_shuffle(starts.numbers[d], tracer.shifts[size_t(d)]));
     starts.across = u[0];
-    const VDouble h = vmin(-s.height * vlog(1.0 - tracer.share * u[1]), box.top);
+    const VDouble h = vmin(s.height * time_of_share(tracer.share * u[1]), box.top);
     VDouble sine, cosine;
     sincos(2.0 * pi * u[3], sine, cosine);
     const VDouble rise = tracer.launch * rayleigh(u[2]) * cosine;
@@ -118,7 +129,7 @@ MARRAM_HOT void find_ejections(const GrainTracer& tracer, const EventKeys8& keys
 // ---- arcs ----
 
 // The time at which q + v t - g t^2 / 2 falls to `low`, g >= 0. For q < low: the time of return to q, 0 if v <= 0.
-MARRAM_INLINE VDouble time_to_fall(const VDouble& q, const VDouble& v, double g, double low) {
+MARRAM_INLINE VDouble time_to_fall(const VDouble& q, const VDouble& v, const VDouble& g, double low) {
     const VDouble drop = vmax(q - low, 0.0), root = vsqrt(v * v + 2.0 * g * drop);
     const VDouble falls = select(drop > 0.0, 2.0 * drop / (root - v), 0.0);
     return select(v > 0.0, (v + root) / g, falls);
@@ -131,7 +142,7 @@ MARRAM_INLINE VDouble time_to_leave(const VDouble& q, const VDouble& v, const VD
 }
 
 // 1 - e^-x, x >= 0. Error < 1e-13 relative.
-MARRAM_INLINE VDouble decay_after(const VDouble& x) {
+MARRAM_INLINE VDouble share_after(const VDouble& x) {
     VDouble p = splat(1.0 / 40320.0);
     p = 1.0 / 5040.0 - x * p;
     p = 1.0 / 720.0 - x * p;
@@ -148,7 +159,7 @@ MARRAM_INLINE void find_end_state(double drag_time, Grains8& g) {
         g.end_v = g.v + g.acceleration * g.end;
         return;
     }
-    const VDouble tau = splat(drag_time), decay = decay_after(g.end / drag_time);
+    const VDouble tau = splat(drag_time), decay = share_after(g.end / drag_time);
     const Wide3d final_velocity = g.v + g.acceleration * tau;
     g.end_x = g.x + final_velocity * g.end + (g.v - final_velocity) * (tau * decay);
     g.end_v = g.v + (final_velocity - g.v) * decay;
@@ -178,7 +189,7 @@ MARRAM_INLINE void find_arc_ends(const GrainTracer& tracer, Grains8& g) {
         ends_before(select(g.v.y > 0.0, time_to_leave(g.x.y, g.v.y, splat(box.y0), splat(box.y1)), infinity),
                     ArcEnd::leaves, as_lanes(GrainSide::above));
     const auto& ground = tracer.settings.ground; // above box.y0
-    ends_before(time_to_fall(g.x.y, g.v.y, gravity, ground.value_or(box.y0)),
+    ends_before(time_to_fall(g.x.y, g.v.y, splat(gravity), ground.value_or(box.y0)),
                 ground ? ArcEnd::lands : ArcEnd::leaves, as_lanes(GrainSide::below));
     find_end_state(0.0, g);
     if (ground) g.end_x.y = select(g.at_end == int64_t(ArcEnd::lands), *ground, g.end_x.y);
@@ -194,10 +205,11 @@ MARRAM_INLINE void find_arc_ends_with_drag(const GrainTracer& tracer, Grains8& g
     if (const auto& ground = tracer.settings.ground) {
         lands = g.end_x.y < *ground;
         if (any(lands)) {
-            const VDouble share = (g.x.y - *ground) / (g.x.y - g.end_x.y);
-            g.end = select(lands, g.end * vmin(vmax(share, 0.0), 1.0), g.end);
+            // Newton's iteration, from where a parabola with the acceleration at the start lands: hops can be much
+            // shorter than a chord, and from where the chord meets the sand they would take many steps.
+            const VDouble begin = time_to_fall(g.x.y, g.v.y, vmax(-g.acceleration.y, 0.0), *ground);
+            g.end = select(lands, vmin(begin, g.first_chord_time), g.end);
             find_end_state(tau, g);
-            // Newton's iteration: where the chord meets the sand the curve is still above it, and above what lies on it.
             for (int k = 0; k < 4; ++k) {
                 const VLong falls = lands & (g.end_v.y < 0.0);
                 const VDouble next = g.end + (g.end_x.y - *ground) / -g.end_v.y;
@@ -278,7 +290,7 @@ MARRAM_HOT void find_arcs(const GrainTracer& tracer, Grains8& g) {
     const VLong gives_up = g.chords > g.chords_left;
     if (any(gives_up)) {
         const VDouble last = g.chords_left - 1.0;
-        const VDouble end = select(last > 0.0, g.first_chord_time + last * g.chord_time, 0.0);
+        const VDouble end = select(last >= 0.0, g.first_chord_time + last * g.chord_time, 0.0);
         g.end = select(gives_up, end, g.end);
         g.chords = select(gives_up, g.chords_left, g.chords);
         g.at_end = select(gives_up, as_lanes(ArcEnd::gives_up), g.at_end);

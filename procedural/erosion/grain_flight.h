@@ -18,12 +18,13 @@ struct GrainState {
 
 enum class ArcEnd : uint8_t { goes_on, lands, leaves, gives_up };
 
-// The test of an arc for empty space: a lane of Parabolas8.
+// The test of an arc for empty space: a lane of Parabolas8 without t_clear.
 struct GrainParabola {
     float x[3], v[3], a[3], t_max, min_step, clearance;
 };
 
-// A grain on an arc, which runs from one event to the next if nothing is hit.
+// A grain on an arc, which runs from one event to the next if nothing is hit. Between two arcs x, v and normal are those
+// of the event: of a landing, before leave_sand().
 struct Grain {
     Vec3d x, v, acceleration;                        // at the start of the arc
     Vec3d normal;                                    // of the surface that it leaves there, or zero
@@ -46,7 +47,7 @@ using GrainBatch = std::span<Grain* const>; // one to eight
 
 EventSeeds event_seeds(uint32_t seed, uint32_t event);
 
-// Two random numbers for event k of a path: Sobol dimensions 0 and 1 at an index that is Owen-shuffled for each event.
+// Two random numbers for an event of a path: Sobol dimensions 0 and 1 at an index that is Owen-shuffled for each event.
 std::array<double, 2> event_numbers(const GrainTracer& tracer, uint64_t path, uint32_t event);
 
 // The paths of a block, in an order in which neighbours start near each other, so that they hit near each other:
@@ -56,10 +57,10 @@ std::vector<uint32_t> ordered_paths(const GrainTracer& tracer, uint64_t first, u
 // Place and velocity at the start of grain.path, for each of a batch.
 void emit_grains(const GrainTracer& tracer, GrainBatch grains);
 
-// Replaces the velocities of grains that land on sand at grain.x by those of the grains that leave.
+// Replaces grain.v, with which grains land on sand with grain.normal, by the velocity of those that leave.
 void leave_sand(const GrainTracer& tracer, GrainBatch grains);
 
-// Begins arcs at grain.x with grain.v.
+// Begins arcs at grain.x with grain.v, from a surface with grain.normal; grain.segments limits them.
 void start_arcs(const GrainTracer& tracer, GrainBatch grains);
 
 // t: s after the start of the arc.

@@ -97,7 +97,7 @@ namespace {
 
 constexpr double grain_margin = 2.0;                       // factor on ray offsets
 constexpr double grain_sliver = 1e4;                       // maximum q
-constexpr size_t grain_window = 64;                        // rays traced together
+constexpr size_t grain_window = 64;                        // rays in a batch, at most
 constexpr uint64_t least_block = 4096, most_block = 65536; // grains per task
 constexpr double min_rebound_sine = 0.01;                  // minimum sine between a rebound and the surface
 
@@ -249,7 +249,7 @@ Vec3d rebound(const GrainTracer& tracer, const Grain& grain, const Vec3d& v, con
 
 enum class Next : uint8_t { starts_arc, lands, ends };
 
-Next ends(GrainCounts& counts, const Grain& grain, const Vec3d& v, uint64_t& as) {
+Next end_grain(GrainCounts& counts, const Grain& grain, const Vec3d& v, uint64_t& as) {
     const int64_t energy = grain_quanta(grain_energy(v));
     counts.flight += energy - grain.energy;
     counts.ended += energy;
@@ -257,26 +257,26 @@ Next ends(GrainCounts& counts, const Grain& grain, const Vec3d& v, uint64_t& as)
     return Next::ends;
 }
 
-void moves_to(Grain& grain, const Vec3d& x, const Vec3d& v, const Vec3d& normal) {
+void move_to(Grain& grain, const Vec3d& x, const Vec3d& v, const Vec3d& normal) {
     grain.x = x, grain.v = v, grain.normal = normal;
 }
 
 // At the end of a flight, with velocity v: the energy in quanta. Counts what the flight has gained.
-int64_t end_flight(GrainCounts& counts, const Grain& grain, const Vec3d& v) {
+int64_t energy_after_flight(GrainCounts& counts, const Grain& grain, const Vec3d& v) {
     const int64_t energy = grain_quanta(grain_energy(v));
     counts.flight += energy - grain.energy;
     return energy;
 }
 
 // The grain landed with velocity v; leave_sand() has replaced it.
-Next leaves_sand(const GrainTracer& tracer, GrainCounts& counts, Grain& grain, const Vec3d& v) {
-    const int64_t before = end_flight(counts, grain, v);
+Next count_landing(const GrainTracer& tracer, GrainCounts& counts, Grain& grain, const Vec3d& v) {
+    const int64_t before = energy_after_flight(counts, grain, v);
     ++counts.sand_hits;
     grain.energy = grain_quanta(grain_energy(grain.v));
     counts.sand += grain.energy - before;
     ++grain.landings;
     if (grain_energy(grain.v) < tracer.settle || !(grain.v.dot(grain.normal) > 0.0))
-        return ends(counts, grain, grain.v, counts.settled);
+        return end_grain(counts, grain, grain.v, counts.settled);
     return Next::starts_arc;
 }
 
@@ -284,7 +284,7 @@ Next hit_rock(GrainTracer& tracer, GrainCounts& counts, Grain& grain, const Grai
               const RTCRayHit& ray, const Vec3d& v) {
     const GrainSettings& s = tracer.settings;
     const double energy = grain_energy(v), speed = v.norm();
-    const int64_t before = end_flight(counts, grain, v);
+    const int64_t before = energy_after_flight(counts, grain, v);
     ++(hit.mesh ? counts.worn_hits : counts.other_hits);
     if (hit.mesh) {
         const double sine = std::min(-v.dot(hit.normal) / speed, 1.0);
@@ -292,17 +292,17 @@ Next hit_rock(GrainTracer& tracer, GrainCounts& counts, Grain& grain, const Grai
         counts.worn += worn;
         add_wear(tracer, hit, ray, worn);
     }
-    moves_to(grain, hit.point + hit.offset * hit.normal, rebound(tracer, grain, v, hit.normal), hit.normal);
+    move_to(grain, hit.point + hit.offset * hit.normal, rebound(tracer, grain, v, hit.normal), hit.normal);
     grain.energy = grain_quanta(grain_energy(grain.v));
     counts.rock += before - grain.energy;
     ++grain.hits;
     const double left = grain_energy(grain.v);
     if (left < tracer.settle || !(grain.v.dot(hit.normal) > 0.0))
-        return ends(counts, grain, grain.v, counts.settled);
+        return end_grain(counts, grain, grain.v, counts.settled);
     if (s.drag_time <= 0.0 && !s.ground && s.sand.empty() &&
         left + s.gravity * std::max(grain.x.y() - tracer.box.y0, 0.0) < tracer.threshold)
-        return ends(counts, grain, grain.v, counts.spent);
-    if (grain.hits >= s.most_hits) return ends(counts, grain, grain.v, counts.given_up);
+        return end_grain(counts, grain, grain.v, counts.spent);
+    if (grain.hits >= s.most_hits) return end_grain(counts, grain, grain.v, counts.given_up);
     return Next::starts_arc;
 }
 
@@ -310,9 +310,9 @@ Next hit_rock(GrainTracer& tracer, GrainCounts& counts, Grain& grain, const Grai
 Next grazes(GrainCounts& counts, Grain& grain, const GrainHit& hit, const Vec3d& v) {
     ++counts.grazes;
     const double lack = min_rebound_sine * v.norm() - v.dot(hit.normal);
-    moves_to(grain, hit.point + hit.offset * hit.normal, lack > 0.0 ? Vec3d(v + lack * hit.normal) : v,
-             hit.normal);
-    grain.energy = end_flight(counts, grain, grain.v);
+    move_to(grain, hit.point + hit.offset * hit.normal, lack > 0.0 ? Vec3d(v + lack * hit.normal) : v,
+            hit.normal);
+    grain.energy = energy_after_flight(counts, grain, grain.v);
     return Next::starts_arc;
 }
 
@@ -320,10 +320,11 @@ Next grazes(GrainCounts& counts, Grain& grain, const GrainHit& hit, const Vec3d&
 Next end_arc(GrainCounts& counts, Grain& grain) {
     grain.segments += uint64_t(grain.chords);
     const GrainState& end = grain.end_state;
-    if (grain.at_end == ArcEnd::gives_up) return ends(counts, grain, end.v, counts.given_up);
-    if (grain.at_end == ArcEnd::leaves) return ends(counts, grain, end.v, counts.left[size_t(grain.side)]);
+    if (grain.at_end == ArcEnd::gives_up) return end_grain(counts, grain, end.v, counts.given_up);
+    if (grain.at_end == ArcEnd::leaves)
+        return end_grain(counts, grain, end.v, counts.left[size_t(grain.side)]);
     const bool lands = grain.at_end == ArcEnd::lands;
-    moves_to(grain, end.x, end.v, lands ? Vec3d(Vec3d::UnitY()) : Vec3d(Vec3d::Zero()));
+    move_to(grain, end.x, end.v, lands ? Vec3d(Vec3d::UnitY()) : Vec3d(Vec3d::Zero()));
     return lands ? Next::lands : Next::starts_arc;
 }
 
@@ -334,7 +335,7 @@ Next handle_hit(GrainTracer& tracer, GrainCounts& counts, Grain& grain, const RT
     const double share = std::clamp(double(ray.ray.tfar), 0.0, 1.0);
     const Vec3d v = state_after(tracer, grain, grain.chord_t0 + share * (grain.chord_t1 - grain.chord_t0)).v;
     if (std::binary_search(tracer.sand.begin(), tracer.sand.end(), lent_id(ray))) {
-        moves_to(grain, hit.point + hit.offset * hit.normal, v, hit.normal);
+        move_to(grain, hit.point + hit.offset * hit.normal, v, hit.normal);
         return Next::lands;
     }
     if (v.dot(hit.normal) < 0.0) return hit_rock(tracer, counts, grain, hit, ray, v);
@@ -364,7 +365,7 @@ void prefetch_hits(const GrainTracer& tracer, std::span<const RTCRayHit> rays) {
 }
 
 // Handles grains in batches: eight that start, leave sand or begin an arc, eight whose arcs are checked for empty space,
-// and 64 rays. A grain is in one place at a time: a queue of slots, or a lane.
+// and up to 64 rays. A grain is in one place at a time: a queue of slots, or a lane.
 class GrainWavefront {
   public:
     GrainWavefront(GrainTracer& tracer, uint64_t first, uint64_t end, GrainCounts& counts)
@@ -375,7 +376,7 @@ class GrainWavefront {
 
     void trace() {
         for (uint64_t steps = 1;; ++steps) {
-            if (steps % 1024 == 0 && tracer_.hooks.cancelled && tracer_.hooks.cancelled()) return;
+            if (steps % 64 == 0 && tracer_.hooks.cancelled && tracer_.hooks.cancelled()) return;
             if (ray_queue_.size() + lanes > grain_window) trace_rays();
             fill_lanes();
             if (used_ != all_used && feed()) continue;
@@ -437,10 +438,10 @@ class GrainWavefront {
     }
 
     void emit_grains() {
-        const GrainBatch all = take(free_); // there are free slots: other places hold fewer than all
-        const size_t count = std::min(all.size(), paths_.size() - next_);
-        for (size_t k = count; k < all.size(); ++k) free_.push_back(batch_slots_[k]);
-        const GrainBatch batch = all.first(count);
+        const GrainBatch room = take(free_); // never empty: at most 77 slots are elsewhere here
+        const size_t count = std::min(room.size(), paths_.size() - next_);
+        for (size_t k = count; k < room.size(); ++k) free_.push_back(batch_slots_[k]);
+        const GrainBatch batch = room.first(count);
         for (Grain* grain : batch)
             grain->path = paths_[next_++], grain->hits = grain->landings = 0, grain->segments = 0;
         marram::emit_grains(tracer_, batch);
@@ -456,7 +457,7 @@ class GrainWavefront {
         size_t count = 0;
         for (size_t k = 0; k < batch.size(); ++k) {
             const uint32_t slot = batch_slots_[k];
-            if (leaves_sand(tracer_, counts_, *batch[k], before[k]) == Next::ends)
+            if (count_landing(tracer_, counts_, *batch[k], before[k]) == Next::ends)
                 free_.push_back(slot);
             else
                 batch_[count] = batch[k], batch_slots_[count++] = slot;
@@ -486,7 +487,7 @@ class GrainWavefront {
         if (set_grain_ray(tracer_, grain, rays_[ray_queue_.size()]))
             ray_queue_.push_back(slot);
         else
-            put(slot, ends(counts_, grain, grain.v, counts_.given_up));
+            put(slot, end_grain(counts_, grain, grain.v, counts_.given_up));
     }
 
     void trace_rays() {

@@ -128,6 +128,41 @@ TEST(Grains, EveryGrainAndItsEnergyIsAccountedFor) {
         }
 }
 
+// Without gravity a path to the first hit is one chord: a limit of one chord lets as many grains hit as one of one hit.
+TEST(Grains, FlyTheLastPermittedChord) {
+    GrainScene scene;
+    const unsigned id = scene.add(grain_plate({0.0, 0.0, 0.0}, {0.0, 1.0, 0.0}, {0.0, 0.0, 1.0}, 4, 4));
+    scene.commit();
+    GrainSettings s;
+    s.paths = 2000, s.gravity = 0.0, s.height = 0.5;
+    GrainSettings one_chord = s, one_hit = s;
+    one_chord.most_segments = 1, one_hit.most_hits = 1;
+    const GrainReport chord = traced(scene, scene.worn(id), one_chord).report;
+    const GrainReport hit = traced(scene, scene.worn(id), one_hit).report;
+    EXPECT_GT(hit.worn_hits, 1000U);
+    EXPECT_EQ(chord.worn_hits, hit.worn_hits);
+}
+
+// In air of one speed an arc with drag is exact however long its chords are, so hops are, too. Only the end of the box is
+// seen later, half a hop of fifty.
+TEST(Grains, LandWithDragAsWithFineChords) {
+    GrainScene scene; // its rock is buried
+    const unsigned id = scene.add(grain_plate({0.0, -1.0, 0.0}, {5.0, 0.0, 0.0}, {0.0, 0.0, 1.0}, 1, 1));
+    scene.commit();
+    const auto with_path_error = [&](double error) {
+        GrainSettings s;
+        s.paths = 2000, s.ground = 0.0, s.height = 0.02, s.speed = s.bed_speed = 1.0, s.drag_time = 0.3;
+        s.settle_speed = 0.0, s.path_error = error;
+        return traced(scene, scene.worn(id), s).report;
+    };
+    const GrainReport coarse = with_path_error(1e3), fine = with_path_error(1e-5);
+    EXPECT_EQ(fine.worn_hits + coarse.worn_hits, 0U);
+    EXPECT_GT(fine.sand_hits, 10000U);
+    EXPECT_NEAR(double(coarse.sand_hits), double(fine.sand_hits), 0.02 * double(fine.sand_hits));
+    EXPECT_NEAR(double(coarse.flight), double(fine.flight), 0.04 * std::abs(double(fine.flight)));
+    EXPECT_NEAR(double(coarse.sand), double(fine.sand), 0.02 * std::abs(double(fine.sand)));
+}
+
 // Empty space saves rays and changes no bit: chords are the same with a ray for each.
 TEST(Grains, EmptySpaceChangesNothing) {
     struct Case {

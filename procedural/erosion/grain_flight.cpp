@@ -60,8 +60,8 @@ MARRAM_INLINE VDouble unit_numbers(VUint x) { return (to_double(VInt(x ^ 0x80000
 // sqrt(-2 ln(1 - u)): 1 - u is exact, as u is a multiple of 2^-32.
 MARRAM_INLINE VDouble rayleigh(const VDouble& u) { return vsqrt(-2.0 * vlog(1.0 - u)); }
 
-// -ln(1 - x), 0 <= x < 1. Error < 1e-14 relative: near 0 by the series of atanh.
-MARRAM_INLINE VDouble time_of_share(const VDouble& x) {
+// -ln(1 - x), 0 <= x < 1: inverts the distribution 1 - e^-h. Error < 1e-14 relative: near 0 by the series of atanh.
+MARRAM_INLINE VDouble exponential_quantile(const VDouble& x) {
     const VDouble z = x / (2.0 - x), w = z * z;
     VDouble p = splat(1.0 / 11.0);
     p = p * w + 1.0 / 9.0;
@@ -93,7 +93,7 @@ MARRAM_HOT void find_starts(const GrainTracer& tracer, Starts8& starts) {
     for (int d = 0; d < 5; ++d)
         u[d] = unit_numbers(owen_shuffle(starts.numbers[d], tracer.shifts[size_t(d)]));
     starts.across = u[0];
-    const VDouble h = vmin(s.height * time_of_share(tracer.share * u[1]), box.top);
+    const VDouble h = vmin(s.height * exponential_quantile(tracer.share * u[1]), box.top);
     VDouble sine, cosine;
     sincos(2.0 * pi * u[3], sine, cosine);
     const VDouble rise = tracer.launch * rayleigh(u[2]) * cosine;
@@ -141,8 +141,8 @@ MARRAM_INLINE VDouble time_to_leave(const VDouble& q, const VDouble& v, const VD
     return vmax(select(v > 0.0, high - q, q - low), 0.0) / vabs(v);
 }
 
-// 1 - e^-x, x >= 0. Error < 1e-13 relative.
-MARRAM_INLINE VDouble share_after(const VDouble& x) {
+// 1 - e^-x, x >= 0: near 0 by a series, where the difference would lose digits. Error < 1e-13 relative.
+MARRAM_INLINE VDouble one_minus_exp(const VDouble& x) {
     VDouble p = splat(1.0 / 40320.0);
     p = 1.0 / 5040.0 - x * p;
     p = 1.0 / 720.0 - x * p;
@@ -159,7 +159,7 @@ MARRAM_INLINE void find_end_state(double drag_time, Grains8& g) {
         g.end_v = g.v + g.acceleration * g.end;
         return;
     }
-    const VDouble tau = splat(drag_time), decay = share_after(g.end / drag_time);
+    const VDouble tau = splat(drag_time), decay = one_minus_exp(g.end / drag_time);
     const Wide3d final_velocity = g.v + g.acceleration * tau;
     g.end_x = g.x + final_velocity * g.end + (g.v - final_velocity) * (tau * decay);
     g.end_v = g.v + (final_velocity - g.v) * decay;

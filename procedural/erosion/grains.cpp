@@ -249,23 +249,22 @@ Vec3d rebound(const GrainTracer& tracer, const Grain& grain, const Vec3d& v, con
 
 enum class Next : uint8_t { starts_arc, lands, ends };
 
-Next end_grain(GrainCounts& counts, const Grain& grain, const Vec3d& v, uint64_t& as) {
+// At the end of a flight, with velocity v: the energy in quanta. Counts what the flight has gained.
+int64_t energy_after_flight(GrainCounts& counts, const Grain& grain, const Vec3d& v) {
     const int64_t energy = grain_quanta(grain_energy(v));
     counts.flight += energy - grain.energy;
-    counts.ended += energy;
+    return energy;
+}
+
+// `as`: the count of grains that end in this way.
+Next end_grain(GrainCounts& counts, const Grain& grain, const Vec3d& v, uint64_t& as) {
+    counts.ended += energy_after_flight(counts, grain, v);
     ++as;
     return Next::ends;
 }
 
 void move_to(Grain& grain, const Vec3d& x, const Vec3d& v, const Vec3d& normal) {
     grain.x = x, grain.v = v, grain.normal = normal;
-}
-
-// At the end of a flight, with velocity v: the energy in quanta. Counts what the flight has gained.
-int64_t energy_after_flight(GrainCounts& counts, const Grain& grain, const Vec3d& v) {
-    const int64_t energy = grain_quanta(grain_energy(v));
-    counts.flight += energy - grain.energy;
-    return energy;
 }
 
 // The grain landed with velocity v; leave_sand() has replaced it.

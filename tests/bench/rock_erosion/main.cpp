@@ -181,7 +181,7 @@ void print_speed(int size, uint64_t paths) {
     std::vector<double> rate;
     GrainReport grains;
     double pass = 0.0;
-    pass += seconds("extract the mesh", [&] { rate.resize(rock->mesh().vertex_count()); });
+    seconds("mesh of the level set", [&] { rate.resize(rock->mesh().vertex_count()); });
     pass += seconds("trace the grains", [&] { grains = wear_by_grains(scenery, rock->mesh(), 0, rate); });
     const auto a_path = [&](uint64_t count) { return double(count) / double(grains.grains); };
     std::printf("%28s %.2f rays, %.2f hits of rock, %.2f landings a path\n", "", a_path(grains.rays),
@@ -196,7 +196,7 @@ void print_speed(int size, uint64_t paths) {
         const double most = *std::max_element(rate.begin(), rate.end());
         for (size_t v = 0; v < rate.size(); ++v) rate[v] *= voxel / std::max(most, 1e-30) / hardness[v];
     });
-    pass += seconds("advance, renormalise", [&] { rock->advance(rate); });
+    pass += seconds("advance, mesh anew", [&] { rock->advance(rate); });
     std::printf("%d^3, %zu vertices, %zu voxels of the band, %.0f paths: a pass takes %.2f s\n", size,
                 rate.size(), rock->active_voxels(), double(paths), pass);
     seconds("to half the voxel size", [&] { rock->refined(0.0); });

@@ -4,10 +4,13 @@
 // sphere. Only leaf entries are read, no vertices. Embree does not call back for curves, points and subdivision
 // surfaces.
 //
-// Distances: between two cells whose indices differ by i, j and k lie max(|i| - 1, 0), ... cells, so that points in
-// them are at least the root of the sum of these squares apart, in cells. The least of these squares over the occupied
-// cells is separable (T. Saito and J. Toriwaki, "New algorithms for Euclidean distance transformation", Pattern
-// Recognition 1994): first along x, then along y, then along z.
+// Each cell has the radius of an empty ball around its centre, so that a point at the distance r from the centre has
+// that radius less r. Between the centre of a cell and another cell whose index differs by i, j and k lie
+// max(|i| - 1/2, 0), ... cells; the radius is at least the root of the sum of these squares. The least of these squares
+// over the occupied cells is separable (T. Saito and J. Toriwaki, "New algorithms for Euclidean distance transformation",
+// Pattern Recognition 1994): first along x, then along y, then along z. Near something, where grains need rays if little
+// is known to be empty, the radius is then enlarged by bisection with point queries: around 1.5 10^6 triangles this saves
+// 0.7 of 3.4 rays a grain.
 //
 // Rounding. Embree works in floats: the spheres are wider by 2^-20 of the largest coordinate and the longest edge.
 #include "procedural/erosion/empty_space.h"
@@ -21,9 +24,9 @@ namespace marram {
 namespace {
 
 constexpr int max_cells = 128;
-constexpr double codes_per_cell = 4.0;
+constexpr int codes_per_cell = 8;
 constexpr int largest_code = 255;
-constexpr int unreached = 1 << 14; // cells; its square and twice that fit into an int
+constexpr int unreached = 1 << 14; // half cells; its square and twice that fit into an int
 
 bool on_primitive(RTCPointQueryFunctionArguments* arguments) {
     *static_cast<bool*>(arguments->userPtr) = true;
@@ -52,6 +55,16 @@ struct CellGrid {
     size_t at(int x, int y, int z) const {
         return (size_t(z) * size_t(count.y()) + size_t(y)) * size_t(count.x()) + size_t(x);
     }
+    // The radius of an empty ball around a cell's centre, in codes. `least` is known to be empty.
+    int bisect_radius(const Vec3d& centre, int least) const {
+        int most = std::min(least + 2 * codes_per_cell, largest_code) + 1;
+        while (least + 1 < most) {
+            const int middle = (least + most) / 2;
+            const bool touches = touches_sphere(scene, centre, middle * cell / codes_per_cell + margin);
+            (touches ? most : least) = middle;
+        }
+        return least;
+    }
     // Marks the occupied cells of a block with edges of `edge` cells, a power of two.
     void mark(const Eigen::Vector3i& first, int edge) {
         if ((first.array() >= count.array()).any()) return;
@@ -67,14 +80,14 @@ struct CellGrid {
     }
 };
 
-// One pass of the distance transform: line[i] = min over j of line[j] + max(|i - j| - 1, 0)^2.
+// One pass of the distance transform: line[i] = min over j of line[j] + max(2 |i - j| - 1, 0)^2.
 void transform_line(int* line, size_t stride, int count, std::vector<int>& copy) {
     copy.resize(size_t(count));
     for (int i = 0; i < count; ++i) copy[size_t(i)] = line[size_t(i) * stride];
     for (int i = 0; i < count; ++i) {
         int least = copy[size_t(i)];
-        for (int away = 1; away < count && (away - 1) * (away - 1) < least; ++away) {
-            const int gap = (away - 1) * (away - 1);
+        for (int away = 1; away < count && (2 * away - 1) * (2 * away - 1) < least; ++away) {
+            const int gap = (2 * away - 1) * (2 * away - 1);
             if (i >= away) least = std::min(least, copy[size_t(i - away)] + gap);
             if (i + away < count) least = std::min(least, copy[size_t(i + away)] + gap);
         }
@@ -82,74 +95,47 @@ void transform_line(int* line, size_t stride, int count, std::vector<int>& copy)
     }
 }
 
-struct alignas(64) Cells8 {
-    VInt at[3];
-    VFloat outside;
-};
+MARRAM_INLINE VFloat as_float(VInt x) { return __builtin_convertvector(x, VFloat); }
 
-struct GridScale {
-    float high[3], cells_per_metre;
-    int last[3];
-};
-
-MARRAM_INLINE VFloat smaller(VFloat a, VFloat b) { return a < b ? a : b; }
-MARRAM_INLINE VFloat greater(VFloat a, VFloat b) { return a > b ? a : b; }
-
-MARRAM_HOT void find_cells(const GridScale& grid, const Parabolas8& p, Cells8& cells) {
-    const VFloat t = p.t_clear, half = splat_float(0.5F) * t * t;
-    cells.outside = VFloat{};
-    for (int axis = 0; axis < 3; ++axis) {
-        const VFloat x = p.x[axis] + t * p.v[axis] + half * p.a[axis];
-        const VFloat inside = smaller(greater(x, VFloat{}), splat_float(grid.high[axis]));
-        const VInt cell = __builtin_convertvector(inside * grid.cells_per_metre, VInt);
-        cells.at[axis] = cell < grid.last[axis] ? cell : VInt{} + grid.last[axis];
-        cells.outside = cells.outside + (x - inside) * (x - inside);
-    }
+// Bit k: lane k of the mask.
+MARRAM_INLINE uint32_t lane_bits(VInt mask) {
+    VInt bits = mask & VInt{1, 2, 4, 8, 16, 32, 64, 128};
+    bits |= __builtin_shuffle(bits, VInt{4, 5, 6, 7, 0, 1, 2, 3});
+    bits |= __builtin_shuffle(bits, VInt{2, 3, 0, 1, 6, 7, 4, 5});
+    return uint32_t(bits[0] | bits[1]);
 }
 
-// Within the ball of radius `free` a parabola stays at least for 2 free / (v + sqrt(v^2 + 2 a free)).
-MARRAM_HOT void take_steps(const VFloat& distance, const VFloat& outside, Parabolas8& p, VInt& done) {
-    const VFloat free = greater(vsqrt(distance * distance + outside) - p.clearance, VFloat{});
-    VFloat squared{}, squared_a{};
-    for (int axis = 0; axis < 3; ++axis) {
-        const VFloat v = p.v[axis] + p.t_clear * p.a[axis];
-        squared = squared + v * v;
-        squared_a = squared_a + p.a[axis] * p.a[axis];
+// Within a ball of radius `free` a parabola stays at least for 2 free / (v + sqrt(v^2 + 2 a free)).
+MARRAM_HOT uint32_t step_parabolas(const EmptySpaceGrid& grid, Parabolas8& p) {
+    const VFloat t = p.t_clear, half = splat_float(0.5F) * t * t;
+    VFloat to_centre{}, outside{}, squared{}, squared_a{}; // squared distances, m^2, and velocity
+    VInt index{};
+    for (int axis = 2; axis >= 0; --axis) {
+        const VFloat x = p.x[axis] + t * p.v[axis] + half * p.a[axis];
+        const VFloat inside = vmin(vmax(x, VFloat{}), splat_float(grid.high[axis]));
+        const VInt cell = __builtin_convertvector(inside * grid.cells_per_metre, VInt);
+        const VInt at = cell < grid.count[axis] ? cell : VInt{} + (grid.count[axis] - 1);
+        index = index * grid.count[axis] + at;
+        const VFloat away = inside - (as_float(at) + 0.5F) * grid.cell;
+        const VFloat v = p.v[axis] + t * p.a[axis];
+        to_centre += away * away, outside += (x - inside) * (x - inside);
+        squared += v * v, squared_a += p.a[axis] * p.a[axis];
     }
+    VFloat radius;
+    for (int lane = 0; lane < lanes; ++lane) radius[lane] = float(grid.codes[index[lane]]);
+    const VFloat distance = vmax(radius * grid.code - vsqrt(to_centre), VFloat{});
+    const VFloat free = vmax(vsqrt(distance * distance + outside) - p.clearance, VFloat{});
     const VFloat a = vsqrt(squared_a);
     const VFloat sum = vsqrt(squared) + vsqrt(squared + 2.0F * a * free);
     const VFloat time = sum > VFloat{} ? 2.0F * free / sum : (free > VFloat{} ? p.t_max : VFloat{});
-    const VInt near = ~(time > greater(p.min_step, p.t_clear * 0x1p-20F)); // else `clear` might not change
-    p.t_clear = near ? p.t_clear : p.t_clear + time;
-    done = near | (p.t_clear >= p.t_max);
+    const VInt near = ~(time > vmax(p.min_step, t * 0x1p-20F)); // else t_clear might not change
+    p.t_clear = near ? t : t + time;
+    return lane_bits(near | (p.t_clear >= p.t_max));
 }
 
 } // namespace
 
-uint32_t EmptySpace::step(Parabolas8& parabolas) const {
-    Cells8 cells;
-    alignas(64) VFloat distance{};
-    if (!codes_.empty()) {
-        GridScale grid;
-        for (int axis = 0; axis < 3; ++axis)
-            grid.high[axis] = float(high_[axis] - low_[axis]), grid.last[axis] = count_[axis] - 1;
-        grid.cells_per_metre = float(cells_per_metre_);
-        find_cells(grid, parabolas, cells);
-        for (int lane = 0; lane < lanes; ++lane)
-            distance[lane] =
-                float(code_) *
-                float(codes_[(size_t(cells.at[2][lane]) * size_t(count_[1]) + size_t(cells.at[1][lane])) *
-                                 size_t(count_[0]) +
-                             size_t(cells.at[0][lane])]);
-    } else {
-        cells.outside = VFloat{};
-    }
-    alignas(64) VInt done;
-    take_steps(distance, cells.outside, parabolas, done);
-    uint32_t bits = 0;
-    for (int lane = 0; lane < lanes; ++lane) bits |= (done[lane] != 0 ? 1U : 0U) << lane;
-    return bits;
-}
+uint32_t EmptySpace::step(Parabolas8& parabolas) const { return step_parabolas(grid_, parabolas); }
 
 EmptySpace::EmptySpace(RTCScene scene, const Eigen::AlignedBox3d& box, int cells) {
     const Vec3d extent = box.sizes();
@@ -183,13 +169,23 @@ EmptySpace::EmptySpace(RTCScene scene, const Eigen::AlignedBox3d& box, int cells
         for (size_t x = 0; x < columns; ++x)
             transform_line(squares.data() + y * columns + x, rows * columns, count.z(), copy);
     });
-    codes_.resize(squares.size());
-    for (size_t i = 0; i < squares.size(); ++i)
-        codes_[i] = uint8_t(std::min(codes_per_cell * std::sqrt(double(squares[i])), double(largest_code)));
-    low_ = grid.low, high_ = grid.low + grid.cell * count.cast<double>();
-    cells_per_metre_ = 1.0 / grid.cell;
-    code_ = grid.cell / codes_per_cell * (1.0 - 0x1p-20);
-    count_ = count;
+    grid_.codes.resize(squares.size());
+    constexpr int near = 2 * codes_per_cell; // also the most by which a radius is enlarged
+    marram::parallel_for(0, count.z(), [&](int z) {
+        for (int y = 0; y < count.y(); ++y)
+            for (int x = 0; x < count.x(); ++x) {
+                const size_t i = grid.at(x, y, z);
+                const double cells = 0.5 * std::sqrt(double(squares[i]));
+                const int least = std::min(int(codes_per_cell * cells), largest_code);
+                const Vec3d centre = grid.low + grid.cell * (Vec3d(x, y, z) + Vec3d::Constant(0.5));
+                grid_.codes[i] = uint8_t(least < near ? grid.bisect_radius(centre, least) : least);
+            }
+    });
+    low_ = grid.low;
+    for (int axis = 0; axis < 3; ++axis)
+        grid_.high[axis] = float(grid.cell * count[axis]), grid_.count[axis] = count[axis];
+    grid_.cell = float(grid.cell), grid_.cells_per_metre = float(1.0 / grid.cell);
+    grid_.code = float(grid.cell / codes_per_cell * (1.0 - 0x1p-20));
 }
 
 } // namespace marram

@@ -246,7 +246,10 @@ MARRAM_INLINE VLong is_outside_horizontally(const GrainBox& box, const Wide3d& p
 // arcs: their rounding to floats is part of the clearance.
 MARRAM_INLINE void set_parabolas(const GrainTracer& tracer, const VDouble& length, Grains8& g) {
     const bool drags = tracer.settings.drag_time > 0.0;
-    const Wide3d x = g.x - splat3(tracer.empty.low().data());
+    // A chord is displaced from its arc by up to `sag` along the acceleration: half of it is added to both.
+    const double half_sag = drags ? 0.0 : 0.5 * tracer.sag;
+    Wide3d x = g.x - splat3(tracer.empty.low().data());
+    x.y -= half_sag;
     const Wide3d v = drags ? (g.end_x - g.x) * (1.0 / vmax(g.end, 1e-300)) : g.v;
     const Wide3f from = to_float(x), velocity = to_float(v), a = to_float(g.acceleration);
     const auto set = [](VFloat(&to)[3], const Wide3f& of)
@@ -260,7 +263,7 @@ MARRAM_INLINE void set_parabolas(const GrainTracer& tracer, const VDouble& lengt
                     is_outside_horizontally(tracer.box, g.end_x);
     g.parabolas.min_step = to_float(select(needs_ray, infinity, 0.125 * vmin(g.chord_time, g.end)));
     const VDouble largest = vmax(vmax(vabs(x.x), vabs(x.y)), vabs(x.z));
-    g.parabolas.clearance = to_float((drags ? 0.0 : tracer.sag) + 0x1p-20 * (largest + length));
+    g.parabolas.clearance = to_float(half_sag + 0x1p-20 * (largest + length));
 }
 
 MARRAM_HOT void find_arcs(const GrainTracer& tracer, Grains8& g) {

@@ -39,7 +39,7 @@ TEST(EmptySpace, IsNeverTooLargeAndAFewCellsTooSmall) {
         const Eigen::AlignedBox3d box(centre - Vec3d(1.5, 1.0, 2.0), centre + Vec3d(1.0, 2.5, 1.2));
         const EmptySpace empty(scene.get(), box, cells);
         const double cell = box.sizes().maxCoeff() / cells;
-        double too_small = 0.0;
+        double most = 0.0, near = 0.0, near_points = 0.0; // how much it is too small: most, sum near the ball
         for (uint64_t k = 0; k < 20000; ++k) {
             // Also outside the box.
             const Eigen::AlignedBox3d wide(box.min() - box.sizes(), box.max() + box.sizes());
@@ -47,9 +47,13 @@ TEST(EmptySpace, IsNeverTooLargeAndAFewCellsTooSmall) {
             const double nearest = std::abs((p - centre).norm() - ball_radius);
             const double radius = empty_radius(empty, p);
             ASSERT_LT(radius, nearest + 1e-3 * ball_radius) << cells; // the facets are below the ball
-            if (box.contains(p) && nearest < 60.0 * cell) too_small = std::max(too_small, nearest - radius);
+            if (!box.contains(p) || nearest > 30.0 * cell) continue;
+            most = std::max(most, nearest - radius);
+            if (nearest > 0.5 * cell && nearest < 2.0 * cell) near += nearest - radius, near_points += 1.0;
         }
-        EXPECT_LT(too_small, 4.1 * cell + 0.1 * ball_radius) << cells; // 0.1: a leaf of the BVH
+        constexpr double leaf = 0.1 * ball_radius; // of the BVH
+        EXPECT_LT(most, 3.5 * cell + leaf) << cells;
+        EXPECT_LT(near / near_points, 0.7 * cell + 0.5 * leaf) << cells;
     }
 }
 

@@ -23,8 +23,10 @@
 namespace marram {
 namespace {
 
+constexpr uint32_t all_done = (1U << lanes) - 1U;
 constexpr int max_cells = 128;
 constexpr int codes_per_cell = 8;
+constexpr int near_codes = 2 * codes_per_cell; // below this a radius is enlarged, by at most as much
 constexpr int largest_code = 255;
 constexpr int unreached = 1 << 14; // half cells; its square and twice that fit into an int
 
@@ -57,7 +59,7 @@ struct CellGrid {
     }
     // The radius of an empty ball around a cell's centre, in codes. `least` is known to be empty.
     int bisect_radius(const Vec3d& centre, int least) const {
-        int most = std::min(least + 2 * codes_per_cell, largest_code) + 1;
+        int most = std::min(least + near_codes, largest_code) + 1;
         while (least + 1 < most) {
             const int middle = (least + most) / 2;
             const bool touches = touches_sphere(scene, centre, middle * cell / codes_per_cell + margin);
@@ -100,8 +102,8 @@ MARRAM_INLINE VFloat as_float(VInt x) { return __builtin_convertvector(x, VFloat
 // Bit k: lane k of the mask.
 MARRAM_INLINE uint32_t lane_bits(VInt mask) {
     VInt bits = mask & VInt{1, 2, 4, 8, 16, 32, 64, 128};
-    bits |= __builtin_shuffle(bits, VInt{4, 5, 6, 7, 0, 1, 2, 3});
-    bits |= __builtin_shuffle(bits, VInt{2, 3, 0, 1, 6, 7, 4, 5});
+    bits |= __builtin_shufflevector(bits, bits, 4, 5, 6, 7, 0, 1, 2, 3);
+    bits |= __builtin_shufflevector(bits, bits, 2, 3, 0, 1, 6, 7, 4, 5);
     return uint32_t(bits[0] | bits[1]);
 }
 
@@ -135,7 +137,9 @@ MARRAM_HOT uint32_t step_parabolas(const EmptySpaceGrid& grid, Parabolas8& p) {
 
 } // namespace
 
-uint32_t EmptySpace::step(Parabolas8& parabolas) const { return step_parabolas(grid_, parabolas); }
+uint32_t EmptySpace::step(Parabolas8& parabolas) const {
+    return grid_.codes.empty() ? all_done : step_parabolas(grid_, parabolas);
+}
 
 EmptySpace::EmptySpace(RTCScene scene, const Eigen::AlignedBox3d& box, int cells) {
     const Vec3d extent = box.sizes();
@@ -145,6 +149,7 @@ EmptySpace::EmptySpace(RTCScene scene, const Eigen::AlignedBox3d& box, int cells
     CellGrid grid;
     grid.scene = scene, grid.low = box.min();
     grid.cell = longest / std::clamp(cells, 1, max_cells);
+    if (!(float(1.0 / grid.cell) < float(infinity))) return; // smaller than floats can divide
     grid.margin = 0x1p-20 * (coordinate + longest);
     for (int axis = 0; axis < 3; ++axis)
         grid.count[axis] = std::clamp(int(std::ceil(extent[axis] / grid.cell)), 1, max_cells);
@@ -170,15 +175,14 @@ EmptySpace::EmptySpace(RTCScene scene, const Eigen::AlignedBox3d& box, int cells
             transform_line(squares.data() + y * columns + x, rows * columns, count.z(), copy);
     });
     grid_.codes.resize(squares.size());
-    constexpr int near = 2 * codes_per_cell; // also the most by which a radius is enlarged
     marram::parallel_for(0, count.z(), [&](int z) {
         for (int y = 0; y < count.y(); ++y)
             for (int x = 0; x < count.x(); ++x) {
                 const size_t i = grid.at(x, y, z);
-                const double cells = 0.5 * std::sqrt(double(squares[i]));
-                const int least = std::min(int(codes_per_cell * cells), largest_code);
+                const double known = 0.5 * std::sqrt(double(squares[i])); // cells
+                const int least = std::min(int(codes_per_cell * known), largest_code);
                 const Vec3d centre = grid.low + grid.cell * (Vec3d(x, y, z) + Vec3d::Constant(0.5));
-                grid_.codes[i] = uint8_t(least < near ? grid.bisect_radius(centre, least) : least);
+                grid_.codes[i] = uint8_t(least < near_codes ? grid.bisect_radius(centre, least) : least);
             }
     });
     low_ = grid.low;

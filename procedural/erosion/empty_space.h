@@ -7,7 +7,6 @@
 #include "core/math/vec.h"
 #include "core/plugin/embree.h"
 
-#include <cfloat>
 #include <cstdint>
 #include <vector>
 
@@ -22,12 +21,12 @@ struct alignas(64) Parabolas8 {
     VFloat t_clear;   // s: space is empty up to here
 };
 
-struct EmptySpaceGrid { // as it is here: one cell, of any size, where nothing is known to be empty
-    float high[3] = {FLT_MAX, FLT_MAX, FLT_MAX};            // its extent, m
+struct EmptySpaceGrid {
+    float high[3] = {};                                     // its extent, m
     float cell = 0.0F, cells_per_metre = 0.0F, code = 0.0F; // m, 1/m, m
-    int count[3] = {1, 1, 1};
-    std::vector<uint8_t> codes = {
-        0}; // [z][y][x], radii of empty balls around the cells' centres in units of `code`
+    int count[3] = {};
+    // [z][y][x], radii of empty balls around the cells' centres in units of `code`; none where nothing is known.
+    std::vector<uint8_t> codes;
 };
 
 class EmptySpace {
@@ -40,7 +39,7 @@ class EmptySpace {
 
     const Vec3d& low() const { return low_; }
     // Moves `t_clear` on by one step in each of eight parabolas: as far as they stay in a ball that is empty at the
-    // first motion sample. Its radius is a lower bound of at most 31 cells. Up to there, for points inside the grid, it is
+    // first motion sample. Its radius is a lower bound of at most 255/8 cells. Up to there, for points inside the grid, it is
     // too small by at most 3.5 cells and the extent of a leaf of Embree's BVH; within two cells of something by half a
     // cell in the mean. Returns bits of the parabolas that are done: at their end, or near something.
     uint32_t step(Parabolas8& parabolas) const;

@@ -246,7 +246,7 @@ MARRAM_INLINE VLong is_outside_horizontally(const GrainBox& box, const Wide3d& p
 // arcs: their rounding to floats is part of the clearance.
 MARRAM_INLINE void set_parabolas(const GrainTracer& tracer, const VDouble& length, Grains8& g) {
     const bool drags = tracer.settings.drag_time > 0.0;
-    // A chord is displaced from its arc by up to `sag` along the acceleration: half of it is added to both.
+    // Chords lie up to `sag` below their arc, so within sag / 2 of the arc lowered by sag / 2.
     const double half_sag = drags ? 0.0 : 0.5 * tracer.sag;
     Wide3d x = g.x - splat3(tracer.empty.low().data());
     x.y -= half_sag;

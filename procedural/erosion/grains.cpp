@@ -140,8 +140,8 @@ bool set_parabola(const Grain& grain, int lane, Parabolas8& out) {
     return true;
 }
 
-// Sets up a float ray along the chord, from the time `clear` on. false: too far from the origin, or the chord is too long.
-bool set_grain_ray(const GrainTracer& tracer, const Grain& grain, double clear, RTCRayHit& out) {
+// Sets up a float ray along the chord. false: too far from the origin, or the chord is too long.
+bool set_grain_ray(const GrainTracer& tracer, const Grain& grain, RTCRayHit& out) {
     const Vec3d from = state_after(tracer, grain, grain.chord_t0).x;
     const Vec3d to =
         (grain.chord_t1 < grain.end ? state_after(tracer, grain, grain.chord_t1) : grain.end_state).x;
@@ -152,8 +152,6 @@ bool set_grain_ray(const GrainTracer& tracer, const Grain& grain, double clear, 
     out.ray = {};
     out.ray.org_x = float(from.x()), out.ray.org_y = float(from.y()), out.ray.org_z = float(from.z());
     out.ray.dir_x = float(way.x()), out.ray.dir_y = float(way.y()), out.ray.dir_z = float(way.z());
-    out.ray.tnear = float(std::max(
-        (clear * (1.0 - 0x1p-20) - grain.chord_t0) / (grain.chord_t1 - grain.chord_t0) - 0x1p-20, 0.0));
     out.ray.tfar = float(1.0 + overlap);
     out.ray.mask = tracer.settings.ray_mask;
     out.hit.geomID = RTC_INVALID_GEOMETRY_ID;
@@ -485,7 +483,7 @@ class GrainWavefront {
             return;
         }
         find_chord(grain, clear); // near something
-        if (set_grain_ray(tracer_, grain, clear, rays_[ray_queue_.size()]))
+        if (set_grain_ray(tracer_, grain, rays_[ray_queue_.size()]))
             ray_queue_.push_back(slot);
         else
             put(slot, end_grain(counts_, grain, grain.v, counts_.given_up));

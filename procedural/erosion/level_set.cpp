@@ -363,9 +363,9 @@ MARRAM_INLINE VFloat subcell_distance(const float* p, int x, int y) {
     const VFloat phi = vload(p);
     VFloat square = {};
     for (const int step : {x, y, 1}) {
-        const VFloat after = vload(p + step), before = vload(p - step);
-        const VFloat one_sided = vmax(magnitude(after - phi), magnitude(phi - before));
-        const VFloat greatest = vmax(magnitude(after - before), one_sided) * 0.5F;
+        const VFloat next = vload(p + step), previous = vload(p - step);
+        const VFloat one_sided = vmax(magnitude(next - phi), magnitude(phi - previous));
+        const VFloat greatest = vmax(magnitude(next - previous), one_sided) * 0.5F;
         square = square + greatest * greatest;
     }
     return phi / vsqrt(vmax(square, splat_float(0.04F)));
@@ -381,10 +381,10 @@ MARRAM_INLINE VFloat upwind_slope(const float* p, int x, int y) {
     const VInt outside = phi >= 0.0F;
     VFloat square = {};
     for (const int step : {x, y, 1}) {
-        const VFloat after = vload(p + step), before = vload(p - step);
-        const VFloat here = after - 2.0F * phi + before;
-        VFloat minus = phi - before + 0.5F * minmod(here, phi - 2.0F * before + vload(p - 2 * step));
-        VFloat plus = after - phi - 0.5F * minmod(here, vload(p + 2 * step) - 2.0F * after + phi);
+        const VFloat next = vload(p + step), previous = vload(p - step);
+        const VFloat here = next - 2.0F * phi + previous;
+        VFloat minus = phi - previous + 0.5F * minmod(here, phi - 2.0F * previous + vload(p - 2 * step));
+        VFloat plus = next - phi - 0.5F * minmod(here, vload(p + 2 * step) - 2.0F * next + phi);
         minus = outside ? minus : -minus, plus = outside ? plus : -plus;
         const VFloat a = vmax(minus, VFloat{}), b = vmin(plus, VFloat{});
         square = square + vmax(a * a, b * b);
@@ -409,7 +409,8 @@ MARRAM_INLINE void for_active_rows(const RowBits& rows, const Block<halo, float>
     for (int row = 0; row < leaf_side * leaf_side; ++row)
         if (const int bits = rows[size_t(row)]; bits != 0) {
             const float* const p = phi.values.data() + Block<halo, float>::index(row >> 3, row & 7, 0);
-            body(row * leaf_side, p, (VInt{1, 2, 4, 8, 16, 32, 64, 128} & bits) != 0);
+            const VInt active = (VInt{1, 2, 4, 8, 16, 32, 64, 128} & bits) != 0;
+            body(row * leaf_side, p, active);
         }
 }
 
@@ -417,7 +418,7 @@ MARRAM_INLINE void for_active_rows(const RowBits& rows, const Block<halo, float>
 MARRAM_HOT void place_surface(const RowBits& rows, const Block<1, float>& phi, const float* before,
                               float* to) {
     constexpr int x = Block<1, float>::step_i, y = Block<1, float>::step_j;
-    for_active_rows(rows, phi, [&](int at, const float* p, const VInt& active) MARRAM_ALWAYS_INLINE {
+    for_active_rows(rows, phi, [&](int at, const float* p, VInt active) MARRAM_ALWAYS_INLINE {
         const VFloat distance = subcell_distance(p, x, y);
         VInt changes = active & beside_surface(p, x, y);
         VFloat result = distance;
@@ -433,7 +434,7 @@ MARRAM_HOT void place_surface(const RowBits& rows, const Block<1, float>& phi, c
 // One step of phi_t = -sign(phi) (|grad phi| - 1) for voxels not beside the surface.
 MARRAM_HOT void relax(const RowBits& rows, const Block<2, float>& phi, const float* before, float* to) {
     constexpr int x = Block<2, float>::step_i, y = Block<2, float>::step_j;
-    for_active_rows(rows, phi, [&](int at, const float* p, const VInt& active) MARRAM_ALWAYS_INLINE {
+    for_active_rows(rows, phi, [&](int at, const float* p, VInt active) MARRAM_ALWAYS_INLINE {
         const VFloat old = vload(p), change = relaxing_step * (upwind_slope(p, x, y) - 1.0F);
         VInt changes = active & ~beside_surface(p, x, y);
         if (before) changes = changes & (old != vload(before + at));
@@ -663,8 +664,8 @@ void LevelSet::Data::extract() {
             block.gather(Neighbourhood<FloatTree>(accessor, leaves.leaf(n).origin()));
             int32_t* const ids = cell_leaves.leaf(n).buffer().data();
             std::fill_n(ids, leaf_size, -1);
-            const InsideRows<2> inside(block);
-            for_voxels([&](int i, int j) { return inside.mixed_cells(i, j); },
+            const InsideRows<2> rows(block);
+            for_voxels([&](int i, int j) { return rows.mixed_cells(i, j); },
                        [&](int i, int j, int k) {
                            std::array<float, 8> corner;
                            std::array<Float3, 8> slope;

@@ -80,14 +80,17 @@ TEST(EmptySpace, AStepStaysInsideTheBall) {
 }
 
 TEST(EmptySpace, NothingIsKnownOfNothing) {
+    const Vec3d points[] = {{1.0, 2.0, 3.0}, {-1.0, 2.0, 3.0}, {-1.0, -2.0, -3.0}};
     const EmptySpace none;
-    EXPECT_EQ(empty_radius(none, Vec3d(1.0, 2.0, 3.0)), 0.0);
+    for (const Vec3d& p : points) EXPECT_EQ(empty_radius(none, p), 0.0);
     GrainScene scene;
     scene.add(grain_sphere(Vec3d::Zero(), 1.0, 4));
     scene.commit();
     const double nan = std::numeric_limits<double>::quiet_NaN();
     const Eigen::AlignedBox3d point(Vec3d::Zero(), Vec3d::Zero());
-    EXPECT_EQ(empty_radius(EmptySpace(scene.get(), point, 10), Vec3d(1.0, 2.0, 3.0)), 0.0);
+    const Eigen::AlignedBox3d tiny(Vec3d::Zero(), Vec3d::Constant(1e-38));
+    for (const Eigen::AlignedBox3d& box : {point, tiny})
+        for (const Vec3d& p : points) EXPECT_EQ(empty_radius(EmptySpace(scene.get(), box, 64), p), 0.0);
     const EmptySpace empty(scene.get(), Eigen::AlignedBox3d(Vec3d::Constant(-2.0), Vec3d::Constant(2.0)), 10);
     EXPECT_EQ(empty_radius(empty, Vec3d(nan, nan, nan)), 0.0);
 }

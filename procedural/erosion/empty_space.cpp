@@ -110,7 +110,7 @@ MARRAM_INLINE uint32_t lane_bits(VInt mask) {
 // Within a ball of radius `free` a parabola stays at least for 2 free / (v + sqrt(v^2 + 2 a free)).
 MARRAM_HOT uint32_t step_parabolas(const EmptySpaceGrid& grid, Parabolas8& p) {
     const VFloat t = p.t_clear, half = splat_float(0.5F) * t * t;
-    VFloat to_centre{}, outside{}, squared{}, squared_a{}; // squared distances, m^2, and velocity
+    VFloat to_centre{}, outside{}, squared{}, squared_a{}; // squares: of distances, velocity and acceleration
     VInt index{};
     for (int axis = 2; axis >= 0; --axis) {
         const VFloat x = p.x[axis] + t * p.v[axis] + half * p.a[axis];

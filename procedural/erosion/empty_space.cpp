@@ -107,28 +107,26 @@ MARRAM_INLINE uint32_t lane_bits(VInt mask) {
     return uint32_t(bits[0] | bits[1]);
 }
 
-// Within a ball of radius `free` a parabola stays at least for 2 free / (v + sqrt(v^2 + 2 a free)).
+// Within a ball of radius `free` a parabola stays at least for 2 free / (v + sqrt(v^2 + 2 g free)).
 MARRAM_HOT uint32_t step_parabolas(const EmptySpaceGrid& grid, Parabolas8& p) {
-    const VFloat t = p.t_clear, half = splat_float(0.5F) * t * t;
-    VFloat to_centre{}, outside{}, squared{}, squared_a{}; // squares: of distances, velocity and acceleration
+    const VFloat t = p.t_clear, fall = t * p.gravity;
+    VFloat to_centre{}, outside{}, squared{}; // squares: of distances and velocity
     VInt index{};
     for (int axis = 2; axis >= 0; --axis) {
-        const VFloat x = p.x[axis] + t * p.v[axis] + half * p.a[axis];
+        VFloat x = p.x[axis] + t * p.v[axis], v = p.v[axis];
+        if (axis == 1) x -= 0.5F * t * fall, v -= fall;
         const VFloat inside = vmin(vmax(x, VFloat{}), splat_float(grid.high[axis]));
         const VInt cell = __builtin_convertvector(inside * grid.cells_per_metre, VInt);
         const VInt at = cell < grid.count[axis] ? cell : VInt{} + (grid.count[axis] - 1);
         index = index * grid.count[axis] + at;
         const VFloat away = inside - (as_float(at) + 0.5F) * grid.cell;
-        const VFloat v = p.v[axis] + t * p.a[axis];
-        to_centre += away * away, outside += (x - inside) * (x - inside);
-        squared += v * v, squared_a += p.a[axis] * p.a[axis];
+        to_centre += away * away, outside += (x - inside) * (x - inside), squared += v * v;
     }
     VFloat radius;
     for (int lane = 0; lane < lanes; ++lane) radius[lane] = float(grid.codes[index[lane]]);
     const VFloat distance = vmax(radius * grid.code - vsqrt(to_centre), VFloat{});
     const VFloat free = vmax(vsqrt(distance * distance + outside) - p.clearance, VFloat{});
-    const VFloat a = vsqrt(squared_a);
-    const VFloat sum = vsqrt(squared) + vsqrt(squared + 2.0F * a * free);
+    const VFloat sum = vsqrt(squared) + vsqrt(squared + 2.0F * p.gravity * free);
     const VFloat time = sum > VFloat{} ? 2.0F * free / sum : (free > VFloat{} ? p.t_max : VFloat{});
     const VInt near = ~(time > vmax(p.min_step, t * 0x1p-20F)); // else t_clear might not change
     p.t_clear = near ? t : t + time;

@@ -12,12 +12,13 @@
 
 namespace marram {
 
-// Eight parabolas x + v t + a t^2 / 2 in metres and seconds. x is relative to EmptySpace::low().
+// Eight parabolas x + v t - gravity y t^2 / 2 in metres and seconds. x is relative to EmptySpace::low().
 struct alignas(64) Parabolas8 {
-    VFloat x[3], v[3], a[3];
+    VFloat x[3], v[3];
+    float gravity; // m/s^2, 0 or more
     VFloat t_max;     // s
     VFloat min_step;  // s: shorter steps are not taken
-    VFloat clearance; // m: how far around its points space must be empty; includes the rounding of x, v and a
+    VFloat clearance; // m: how far around its points space must be empty; includes the rounding of x and v
     VFloat t_clear;   // s: space is empty up to here
 };
 

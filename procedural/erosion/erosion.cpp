@@ -53,6 +53,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <memory>
 #include <optional>
@@ -251,18 +252,35 @@ class Eroder {
 
 using RockScene = std::unique_ptr<std::remove_pointer_t<RTCScene>, decltype(&rtcReleaseScene)>;
 
-RTCGeometry rock_geometry(RTCDevice device, const LevelMesh& mesh) {
-    const RTCGeometry geometry = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_TRIANGLE);
+// Whether each two triangles are a b c and a c d, as those of a level set.
+bool has_quads(const LevelMesh& mesh) {
+    const std::vector<uint32_t>& t = mesh.triangles;
+    bool all = t.size() % 6 == 0;
+    for (size_t k = 0; k < t.size() && all; k += 6) all = t[k] == t[k + 3] && t[k + 2] == t[k + 4];
+    return all;
+}
+
+// Quads where possible: Embree's tree over them has half as many leaves, and takes half the time to build.
+RTCGeometry rock_geometry(RTCDevice device, const LevelMesh& mesh, bool quads) {
+    const RTCGeometry geometry =
+        rtcNewGeometry(device, quads ? RTC_GEOMETRY_TYPE_QUAD : RTC_GEOMETRY_TYPE_TRIANGLE);
     void* const vertices = rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3,
                                                    3 * sizeof(float), mesh.vertex_count());
-    void* const triangles = rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3,
-                                                    3 * sizeof(uint32_t), mesh.triangle_count());
-    if (!vertices || !triangles) {
+    const size_t count = quads ? mesh.triangle_count() / 2 : mesh.triangle_count(), corners = quads ? 4 : 3;
+    auto* const indices = static_cast<uint32_t*>(rtcSetNewGeometryBuffer(
+        geometry, RTC_BUFFER_TYPE_INDEX, 0, quads ? RTC_FORMAT_UINT4 : RTC_FORMAT_UINT3,
+        corners * sizeof(uint32_t), count));
+    if (!vertices || !indices) {
         rtcReleaseGeometry(geometry);
         throw std::bad_alloc();
     }
     std::copy(mesh.positions.begin(), mesh.positions.end(), static_cast<float*>(vertices));
-    std::copy(mesh.triangles.begin(), mesh.triangles.end(), static_cast<uint32_t*>(triangles));
+    const uint32_t* const t = mesh.triangles.data();
+    if (quads)
+        for (size_t k = 0; k < count; ++k)
+            for (size_t c = 0; c < 4; ++c) indices[4 * k + c] = t[6 * k + std::array{5, 0, 1, 2}[c]];
+    else
+        std::copy_n(t, 3 * count, indices);
     rtcSetGeometryMask(geometry, 0xffffffffU);
     rtcCommitGeometry(geometry);
     return geometry;
@@ -347,13 +365,14 @@ GrainReport wear_by_grains(const RockScenery& scenery, const LevelMesh& mesh, ui
     std::fill(rate.begin(), rate.end(), 0.0);
     if (mesh.triangles.empty()) return {};
     const RockScene scene(rtcNewScene(scenery.device), &rtcReleaseScene);
-    const RTCGeometry rock = rock_geometry(scenery.device, mesh);
+    const bool quads = has_quads(mesh);
+    const RTCGeometry rock = rock_geometry(scenery.device, mesh, quads);
     rtcAttachGeometryByID(scene.get(), rock, scenery.rock_id);
     rtcReleaseGeometry(rock);
     for (const auto& [id, geometry] : scenery.others) rtcAttachGeometryByID(scene.get(), geometry, id);
     rtcCommitScene(scene.get());
-    const WornMesh worn{scenery.rock_id, mesh.positions.data(), mesh.vertex_count(), mesh.triangles.data(),
-                        mesh.triangle_count()};
+    const WornMesh worn{scenery.rock_id,       mesh.positions.data(), mesh.vertex_count(),
+                        mesh.triangles.data(), mesh.triangle_count(), quads};
     return trace_winds(scene.get(), worn, scenery, pass, rate, cancelled);
 }
 

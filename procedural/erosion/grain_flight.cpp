@@ -5,7 +5,7 @@
 #include "procedural/erosion/grain_flight.h"
 
 #include "core/math/hash.h"
-#include "procedural/erosion/sobol.h"
+#include "procedural/erosion/grain_lanes.h"
 
 #include <algorithm>
 #include <cmath>
@@ -17,45 +17,20 @@ constexpr uint32_t start_places = 32; // in each direction of the start plane, f
 constexpr double longest_arc = 1e6;   // s
 constexpr double most_chords = 0x1p40;
 
-struct alignas(64) Grains8 {
-    Wide3d x, v, normal;
-    VDouble chords_left; // before a grain gives up
-    // The arc:
-    Wide3d acceleration, end_x, end_v;
-    VDouble first_chord_time, chord_time, end, chords;
-    VLong at_end, side;
-    Parabolas8 parabolas;
-};
-
-struct alignas(64) EventKeys8 {
-    VUint path, order, scrambling[2];
-    VLong has_hit; // a mask: the grain has hit rock
-};
-
 struct alignas(64) Starts8 {
     VUint numbers[5]; // points of the Sobol sequence before they are scrambled
-    Wide3d x, v;      // x.y is relative to the ground
     VDouble across;   // 0 to 1
 };
 
-// ---- lanes ----
-
-void set_lane(Wide3d& to, int lane, const Vec3d& from) {
-    to.x[lane] = from.x(), to.y[lane] = from.y(), to.z[lane] = from.z();
-}
-
-Vec3d in_lane(const Wide3d& from, int lane) { return {from.x[lane], from.y[lane], from.z[lane]}; }
-
-// Lanes without a grain repeat the first.
-template <typename F>
-void for_lanes(GrainBatch grains, F&& f) {
-    for (int lane = 0; lane < lanes; ++lane)
-        f(lane, *grains[size_t(lane) < grains.size() ? size_t(lane) : 0]);
-}
+struct alignas(64) Rays8 {
+    VDouble chord, t_clear; // chord: the next one
+    VDouble t0, t1;         // of the chord that the ray traces
+    Wide3f origin, direction;
+    VFloat tfar;
+    VLong fails;
+};
 
 // ---- random numbers ----
-
-MARRAM_INLINE VDouble unit_numbers(VUint x) { return (to_double(VInt(x ^ 0x80000000U)) + 0x1p31) * 0x1p-32; }
 
 // sqrt(-2 ln(1 - u)): 1 - u is exact, as u is a multiple of 2^-32.
 MARRAM_INLINE VDouble rayleigh(const VDouble& u) { return vsqrt(-2.0 * vlog(1.0 - u)); }
@@ -75,18 +50,14 @@ double grain_unit(const GrainTracer& tracer, uint64_t path, int dimension) {
     return sobol_point(uint32_t(path), dimension, tracer.shifts[size_t(dimension)]);
 }
 
-EventSeeds seeds_of(const GrainTracer& tracer, uint32_t event) {
-    return event < tracer.event_seeds.size() ? tracer.event_seeds[event]
-                                             : event_seeds(tracer.settings.seed, event);
-}
-
 // ---- the stream ----
 
 MARRAM_INLINE VDouble stream_speeds(const GrainSettings& s, const VDouble& h) {
     return s.bed_speed + (s.speed - s.bed_speed) * (1.0 - vexp(-vmin(h * (1.0 / s.speed_height), 700.0)));
 }
 
-MARRAM_HOT void find_starts(const GrainTracer& tracer, Starts8& starts) {
+// g.x.y is relative to the ground.
+MARRAM_HOT void find_starts(const GrainTracer& tracer, Starts8& starts, Grains8& g) {
     const GrainSettings& s = tracer.settings;
     const GrainBox& box = tracer.box;
     VDouble u[5];
@@ -99,20 +70,22 @@ MARRAM_HOT void find_starts(const GrainTracer& tracer, Starts8& starts) {
     const VDouble rise = tracer.launch * rayleigh(u[2]) * cosine;
     sincos_half_pi(s.spread * (2.0 * u[4] - 1.0), sine, cosine);
     const VDouble t = box.t0 + u[0] * (box.t1 - box.t0), speed = stream_speeds(s, h);
-    starts.x.x = box.start * box.along.x() + t * box.across.x();
-    starts.x.y = h;
-    starts.x.z = box.start * box.along.z() + t * box.across.z();
-    starts.v.x = speed * (cosine * box.along.x() + sine * box.across.x());
-    starts.v.y = rise;
-    starts.v.z = speed * (cosine * box.along.z() + sine * box.across.z());
+    g.x.x = box.start * box.along.x() + t * box.across.x();
+    g.x.y = h;
+    g.x.z = box.start * box.along.z() + t * box.across.z();
+    g.v.x = speed * (cosine * box.along.x() + sine * box.across.x());
+    g.v.y = rise;
+    g.v.z = speed * (cosine * box.along.z() + sine * box.across.z());
+    g.normal = {splat(0.0), splat(0.0), splat(0.0)};
+    g.chords_left = splat(double(s.most_segments));
 }
 
 // The velocities of the grains that leave sand instead of those that land.
-MARRAM_HOT void find_ejections(const GrainTracer& tracer, const EventKeys8& keys, Grains8& g) {
+MARRAM_HOT void find_ejections(const GrainTracer& tracer, const EventKeys8& keys, const VLong& has_hit,
+                               Grains8& g) {
     const GrainBox& box = tracer.box;
-    const VUint index = owen_shuffle(keys.path, keys.order);
-    const VDouble u0 = unit_numbers(owen_shuffle(reversed_bits(index), keys.scrambling[0]));
-    const VDouble u1 = unit_numbers(owen_shuffle(sobol_1(index), keys.scrambling[1]));
+    VDouble u0, u1;
+    event_numbers(keys, u0, u1);
     const VDouble rise = tracer.launch * rayleigh(u0);
     VDouble sine, cosine;
     sincos_half_pi(tracer.settings.spread * (2.0 * u1 - 1.0), sine, cosine);
@@ -123,7 +96,7 @@ MARRAM_HOT void find_ejections(const GrainTracer& tracer, const EventKeys8& keys
     const VDouble per_length = select(length > 1e-6, tracer.settings.bed_speed / length, 0.0);
     const Wide3d out = g.normal * rise + along * per_length;
     const VDouble limit = vsqrt(dot(g.v, g.v)), speed = vsqrt(dot(out, out));
-    g.v = out * select(keys.has_hit & (speed > limit), limit / speed, 1.0);
+    g.v = out * select(has_hit & (speed > limit), limit / speed, 1.0);
 }
 
 // ---- arcs ----
@@ -139,18 +112,6 @@ MARRAM_INLINE VDouble time_to_fall(const VDouble& q, const VDouble& v, const VDo
 MARRAM_INLINE VDouble time_to_leave(const VDouble& q, const VDouble& v, const VDouble& low,
                                     const VDouble& high) {
     return vmax(select(v > 0.0, high - q, q - low), 0.0) / vabs(v);
-}
-
-// 1 - e^-x, x >= 0: near 0 by a series, where the difference would lose digits. Error < 1e-13 relative.
-MARRAM_INLINE VDouble one_minus_exp(const VDouble& x) {
-    VDouble p = splat(1.0 / 40320.0);
-    p = 1.0 / 5040.0 - x * p;
-    p = 1.0 / 720.0 - x * p;
-    p = 1.0 / 120.0 - x * p;
-    p = 1.0 / 24.0 - x * p;
-    p = 1.0 / 6.0 - x * p;
-    p = 0.5 - x * p;
-    return select(x < 0.1, x * (1.0 - x * p), 1.0 - vexp(-vmin(x, 700.0)));
 }
 
 MARRAM_INLINE void find_end_state(double drag_time, Grains8& g) {
@@ -251,11 +212,12 @@ MARRAM_INLINE void set_parabolas(const GrainTracer& tracer, const VDouble& lengt
     Wide3d x = g.x - splat3(tracer.empty.low().data());
     x.y -= half_sag;
     const Wide3d v = drags ? (g.end_x - g.x) * (1.0 / vmax(g.end, 1e-300)) : g.v;
-    const Wide3f from = to_float(x), velocity = to_float(v), a = to_float(g.acceleration);
+    const Wide3f from = to_float(x), velocity = to_float(v);
     const auto set = [](VFloat(&to)[3], const Wide3f& of)
                          MARRAM_ALWAYS_INLINE { to[0] = of.x, to[1] = of.y, to[2] = of.z; };
     set(g.parabolas.x, from), set(g.parabolas.v, velocity);
-    set(g.parabolas.a, drags ? Wide3f{} : a);
+    g.parabolas.gravity = drags ? 0.0F : float(tracer.settings.gravity);
+    g.parabolas.t_clear = VFloat{};
     g.parabolas.t_max = to_float(g.end * (1.0 + 0x1p-23)); // not before the end
     VLong needs_ray = tracer.hooks.rays ? all_lanes : VLong{};
     if (drags)
@@ -268,6 +230,7 @@ MARRAM_INLINE void set_parabolas(const GrainTracer& tracer, const VDouble& lengt
 
 MARRAM_HOT void find_arcs(const GrainTracer& tracer, Grains8& g) {
     const GrainSettings& s = tracer.settings;
+    g.chords_left = vmax(g.chords_left, 0.0);
     const bool drags = s.drag_time > 0.0;
     g.acceleration = {splat(0.0), splat(-s.gravity), splat(0.0)};
     VDouble a = splat(s.gravity);
@@ -304,11 +267,39 @@ MARRAM_HOT void find_arcs(const GrainTracer& tracer, Grains8& g) {
     set_parabolas(tracer, (v + 0.5 * a * g.end) * g.end, g);
 }
 
-void load_grains(const GrainTracer& tracer, GrainBatch grains, Grains8& g) {
-    for_lanes(grains, [&](int lane, const Grain& grain) {
-        set_lane(g.x, lane, grain.x), set_lane(g.v, lane, grain.v), set_lane(g.normal, lane, grain.normal);
-        g.chords_left[lane] = std::max(double(tracer.settings.most_segments) - double(grain.segments), 0.0);
-    });
+MARRAM_HOT void load_states(const std::array<const Grain*, lanes>& from, Grains8& to) {
+    VDouble unused;
+    load_four(from, to.x, unused, [](const Grain& grain) MARRAM_ALWAYS_INLINE { return grain.x.data(); });
+    load_four(from, to.v, unused, [](const Grain& grain) MARRAM_ALWAYS_INLINE { return grain.v.data(); });
+    load_four(from, to.normal, to.chords_left,
+              [](const Grain& grain) MARRAM_ALWAYS_INLINE { return grain.normal.data(); });
+}
+
+// ---- rays ----
+
+MARRAM_HOT void find_rays(const GrainTracer& tracer, const std::array<const Grain*, lanes>& grains,
+                          Rays8& out) {
+    Wide3d x, v, end_x;
+    VDouble first_chord_time, chord_time, end;
+    load_four(grains, x, first_chord_time,
+              [](const Grain& grain) MARRAM_ALWAYS_INLINE { return grain.x.data(); });
+    load_four(grains, v, chord_time, [](const Grain& grain) MARRAM_ALWAYS_INLINE { return grain.v.data(); });
+    load_four(grains, end_x, end, [](const Grain& grain) MARRAM_ALWAYS_INLINE { return grain.end.x.data(); });
+    const VDouble skipped = vfloor(vmin((out.t_clear - first_chord_time) / chord_time, 0x1p30));
+    out.chord = select(first_chord_time <= out.t_clear, vmax(out.chord, 1.0 + skipped), out.chord);
+    out.t0 = select(out.chord > 0.0, first_chord_time + (out.chord - 1.0) * chord_time, 0.0);
+    out.t1 = vmin(first_chord_time + out.chord * chord_time, end);
+    // With drag the only chord leads from x to end_x, whatever the acceleration.
+    const Wide3d acceleration = {splat(0.0), splat(-tracer.settings.gravity), splat(0.0)};
+    const auto place = [&](const VDouble& t)
+                           MARRAM_ALWAYS_INLINE { return x + (v + acceleration * (0.5 * t)) * t; };
+    const Wide3d from = place(out.t0), to = select(out.t1 < end, place(out.t1), end_x), way = to - from;
+    const VDouble length = vsqrt(dot(way, way));
+    const VDouble c = vmax(vmax(vabs(from.x), vabs(from.y)), vabs(from.z));
+    out.fails = ~((length < max_grain_coordinate) & (c < max_grain_coordinate));
+    const VDouble overlap = vmin(4.0 * grain_step * c / length + 1e-6, 1e3);
+    out.origin = to_float(from), out.direction = to_float(way);
+    out.tfar = to_float(1.0 + select(length > 0.0, overlap, 0.0));
 }
 
 } // namespace
@@ -316,13 +307,6 @@ void load_grains(const GrainTracer& tracer, GrainBatch grains, Grains8& g) {
 EventSeeds event_seeds(uint32_t seed, uint32_t event) {
     const uint64_t key = hash(seed, 0x6576ULL + event);
     return {uint32_t(key), {uint32_t(hash(key, 1)), uint32_t(hash(key, 2))}};
-}
-
-std::array<double, 2> event_numbers(const GrainTracer& tracer, uint64_t path, uint32_t event) {
-    const EventSeeds seeds = seeds_of(tracer, event);
-    const uint32_t index = owen_shuffle(uint32_t(path), seeds.order);
-    return {double(owen_shuffle(reversed_bits(index), seeds.scrambling[0])) * 0x1p-32,
-            double(owen_shuffle(sobol_1(index), seeds.scrambling[1])) * 0x1p-32};
 }
 
 std::vector<uint32_t> ordered_paths(const GrainTracer& tracer, uint64_t first, uint64_t end) {
@@ -345,72 +329,86 @@ std::vector<uint32_t> ordered_paths(const GrainTracer& tracer, uint64_t first, u
     return order;
 }
 
-void emit_grains(const GrainTracer& tracer, GrainBatch grains) {
+GrainState Grains8::state(int lane) const { return {in_lane(x, lane), in_lane(v, lane)}; }
+
+GrainArcEnd Grains8::arc_end(int lane) const {
+    return {in_lane(end_x, lane), end[lane], in_lane(end_v, lane), chords[lane], ArcEnd(at_end[lane]),
+            GrainSide(side[lane])};
+}
+
+void Grains8::store_arc(int lane, Grain& to) const {
+    to.x = in_lane(x, lane), to.v = in_lane(v, lane), to.normal = in_lane(normal, lane);
+    to.acceleration = in_lane(acceleration, lane);
+    to.first_chord_time = first_chord_time[lane], to.chord_time = chord_time[lane];
+    to.chords_left = chords_left[lane];
+    to.end = arc_end(lane);
+    to.chord = to.first_chord_time > 0.0 ? 0 : 1;
+    for (int axis = 0; axis < 3; ++axis)
+        to.parabola.x[axis] = parabolas.x[axis][lane], to.parabola.v[axis] = parabolas.v[axis][lane];
+    to.parabola.t_max = parabolas.t_max[lane], to.parabola.min_step = parabolas.min_step[lane];
+    to.parabola.clearance = parabolas.clearance[lane];
+    to.t_clear = parabolas.t_clear[lane];
+}
+
+void load_grains(GrainBatch from, Grains8& to) { load_states(all_lanes_of(from), to); }
+
+void emit_grains(const GrainTracer& tracer, GrainBatch grains, Grains8& to) {
     Starts8 starts;
     for_lanes(grains, [&](int lane, const Grain& grain) {
-        for (int d = 0; d < 5; ++d) starts.numbers[d][lane] = sobol_bits(uint32_t(grain.path), d);
+        for (int d = 0; d < 5; ++d) starts.numbers[d][lane] = sobol_bits(grain.path, d);
     });
-    find_starts(tracer, starts);
-    for (size_t k = 0; k < grains.size(); ++k) {
-        const int lane = int(k);
-        Grain& grain = *grains[k];
+    find_starts(tracer, starts, to);
+    for (int lane = 0; lane < lanes; ++lane) {
         const double across = starts.across[lane];
         const auto place = std::min(size_t(across * double(grain_profile)), size_t(grain_profile) - 1);
-        grain.x = in_lane(starts.x, lane), grain.v = in_lane(starts.v, lane);
-        grain.x.y() += tracer.box.ground[place];
-        grain.normal = Vec3d::Zero();
+        to.x.y[lane] += tracer.box.ground[place];
     }
 }
 
-void leave_sand(const GrainTracer& tracer, GrainBatch grains) {
-    Grains8 g;
-    load_grains(tracer, grains, g);
+void leave_sand(const GrainTracer& tracer, GrainBatch grains, Grains8& g) {
     EventKeys8 keys;
+    VLong has_hit;
     for_lanes(grains, [&](int lane, const Grain& grain) {
-        const EventSeeds seeds = seeds_of(tracer, 2 * grain.landings + 1);
-        keys.path[lane] = uint32_t(grain.path), keys.order[lane] = seeds.order;
-        keys.scrambling[0][lane] = seeds.scrambling[0], keys.scrambling[1][lane] = seeds.scrambling[1];
-        keys.has_hit[lane] = grain.hits > 0 ? -1 : 0;
+        set_keys(tracer, grain, 2 * grain.landings + 1, lane, keys);
+        has_hit[lane] = grain.hits > 0 ? -1 : 0; // a mask
     });
-    find_ejections(tracer, keys, g);
-    for (size_t k = 0; k < grains.size(); ++k) grains[k]->v = in_lane(g.v, int(k));
+    find_ejections(tracer, keys, has_hit, g);
 }
 
-void start_arcs(const GrainTracer& tracer, GrainBatch grains) {
-    Grains8 g;
-    load_grains(tracer, grains, g);
+uint32_t start_arcs(const GrainTracer& tracer, Grains8& g) {
     find_arcs(tracer, g);
+    return tracer.empty.step(g.parabolas);
+}
+
+uint32_t set_rays(const GrainTracer& tracer, GrainBatch grains, std::span<RTCRayHit> rays) {
+    Rays8 found;
+    for_lanes(grains, [&](int lane, const Grain& grain) {
+        found.chord[lane] = grain.chord, found.t_clear[lane] = double(grain.t_clear);
+    });
+    find_rays(tracer, all_lanes_of(grains), found);
+    uint32_t fails = 0;
     for (size_t k = 0; k < grains.size(); ++k) {
         const int lane = int(k);
         Grain& grain = *grains[k];
-        grain.acceleration = in_lane(g.acceleration, lane);
-        grain.first_chord_time = g.first_chord_time[lane], grain.chord_time = g.chord_time[lane];
-        grain.end = g.end[lane], grain.chords = g.chords[lane];
-        grain.end_state = {in_lane(g.end_x, lane), in_lane(g.end_v, lane)};
-        grain.at_end = ArcEnd(g.at_end[lane]), grain.side = GrainSide(g.side[lane]);
-        grain.chord = grain.first_chord_time > 0.0 ? 0 : 1;
-        for (int axis = 0; axis < 3; ++axis) {
-            grain.parabola.x[axis] = g.parabolas.x[axis][lane];
-            grain.parabola.v[axis] = g.parabolas.v[axis][lane];
-            grain.parabola.a[axis] = g.parabolas.a[axis][lane];
-        }
-        grain.parabola.t_max = g.parabolas.t_max[lane];
-        grain.parabola.min_step = g.parabolas.min_step[lane];
-        grain.parabola.clearance = g.parabolas.clearance[lane];
+        grain.chord = uint32_t(found.chord[lane]);
+        grain.chord_t0 = found.t0[lane], grain.chord_t1 = found.t1[lane];
+        RTCRayHit& ray = rays[k];
+        ray.ray = {};
+        ray.ray.org_x = found.origin.x[lane], ray.ray.org_y = found.origin.y[lane],
+        ray.ray.org_z = found.origin.z[lane];
+        ray.ray.dir_x = found.direction.x[lane], ray.ray.dir_y = found.direction.y[lane],
+        ray.ray.dir_z = found.direction.z[lane];
+        ray.ray.tfar = found.tfar[lane];
+        ray.ray.mask = tracer.settings.ray_mask;
+        ray.hit.geomID = RTC_INVALID_GEOMETRY_ID;
+        ray.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
+        fails |= uint32_t(found.fails[lane] & 1) << k;
     }
+    return fails;
 }
 
-GrainState state_after(const GrainTracer& tracer, const Grain& grain, double t) {
-    const double tau = tracer.settings.drag_time;
-    if (tau <= 0.0) {
-        const Vec3d half = 0.5 * t * grain.acceleration;
-        return {grain.x + t * (grain.v + half), grain.v + 2.0 * half};
-    }
-    if (t == 0.0) return {grain.x, grain.v};
-    const double decay = -std::expm1(-t / tau);
-    const Vec3d final_velocity = grain.v + tau * grain.acceleration;
-    return {grain.x + t * final_velocity + (tau * decay) * (grain.v - final_velocity),
-            grain.v + decay * (final_velocity - grain.v)};
+double start_of_chord(const Grain& grain, uint32_t chord) {
+    return chord == 0 ? 0.0 : grain.first_chord_time + (chord - 1) * grain.chord_time;
 }
 
 } // namespace marram

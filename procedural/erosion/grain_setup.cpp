@@ -133,6 +133,8 @@ void take_worn_meshes(GrainTracer& tracer, std::span<const WornMesh> meshes, siz
         for (size_t k = 0; k < 3 * mesh.triangle_count; ++k)
             if (mesh.triangles[k] >= mesh.vertex_count)
                 throw std::invalid_argument("a worn mesh has a triangle whose vertices do not exist");
+        if (mesh.quads && mesh.triangle_count % 2 != 0)
+            throw std::invalid_argument("a worn mesh of quads has an odd number of triangles");
         tracer.meshes.push_back({mesh, vertices, triangles});
         vertices += mesh.vertex_count, triangles += mesh.triangle_count;
     }

@@ -63,9 +63,7 @@
 // Owen-scrambled by hashes of the seed. Event k of a path reuses the first two dimensions, scrambled and
 // shuffled by hashes of the seed and k (Burley 2020): sobol.h.
 //
-// Ray origins are offset from a surface by the error bound of the hit point: 2 U (c + l q), with U = 2^-23, c
-// the largest coordinate, l the triangle's extent, q = |e1| |e2| / |e1 x e2|, as derived in
-// core/geometry/hit.cpp. Segments overlap by the rounding of their ends, so that no hit is missed between two
+// Ray origins are offset from a surface by the error bound of the hit point (grain_hits.cpp). Segments overlap by the rounding of their ends, so that no hit is missed between two
 // segments.
 //
 // Limits. Grains do not collide or spin, and have one size; rock does not change during a trace. Meshes are
@@ -82,7 +80,7 @@
 
 #include "core/math/clock.h"
 #include "core/math/hash.h"
-#include "procedural/erosion/grain_flight.h"
+#include "procedural/erosion/grain_hits.h"
 #include "procedural/parallel.h"
 
 #include <algorithm>
@@ -95,11 +93,8 @@
 namespace marram {
 namespace {
 
-constexpr double grain_margin = 2.0;                       // factor on ray offsets
-constexpr double grain_sliver = 1e4;                       // maximum q
 constexpr size_t grain_window = 64;                        // rays in a batch, at most
 constexpr uint64_t least_block = 4096, most_block = 65536; // grains per task
-constexpr double min_rebound_sine = 0.01;                  // minimum sine between a rebound and the surface
 
 int64_t grain_quanta(double energy) { return int64_t(energy / grain_quantum + 0.5); } // energy: 0 or more
 double grain_energy(const Vec3d& v) { return 0.5 * v.squaredNorm(); }
@@ -113,136 +108,36 @@ struct GrainCounts {
 
 // ---- flight ----
 
-double start_of_chord(const Grain& grain, uint32_t chord) {
-    return chord == 0 ? 0.0 : grain.first_chord_time + (chord - 1) * grain.chord_time;
+// To the next chord. false: none of the arc is left.
+bool advance_chord(Grain& grain) {
+    const double begin = start_of_chord(grain, ++grain.chord);
+    grain.t_clear = float(begin * (1.0 - 0x1p-23)); // not after the begin
+    return begin < grain.end.time;
 }
 
-// Advances grain.chord to the chord that contains the time `clear`, before which nothing is hit; less than grain.end.
-void find_chord(Grain& grain, double clear) {
-    if (grain.first_chord_time <= clear) {
-        const double skipped =
-            std::min((clear - grain.first_chord_time) / grain.chord_time, double(1U << 30));
-        grain.chord = std::max(grain.chord, 1 + uint32_t(skipped));
-    }
-    grain.chord_t0 = start_of_chord(grain, grain.chord);
-    grain.chord_t1 = std::min(start_of_chord(grain, grain.chord + 1), grain.end);
-}
-
-// Sets up the test for empty space from the grain's next chord on. false: none of the arc is left.
-bool set_parabola(const Grain& grain, int lane, Parabolas8& out) {
-    const double begin = start_of_chord(grain, grain.chord);
-    if (!(begin < grain.end)) return false;
+void set_parabola(const Grain& grain, int lane, Parabolas8& out) {
     const GrainParabola& p = grain.parabola;
-    for (int axis = 0; axis < 3; ++axis)
-        out.x[axis][lane] = p.x[axis], out.v[axis][lane] = p.v[axis], out.a[axis][lane] = p.a[axis];
+    for (int axis = 0; axis < 3; ++axis) out.x[axis][lane] = p.x[axis], out.v[axis][lane] = p.v[axis];
     out.t_max[lane] = p.t_max, out.min_step[lane] = p.min_step, out.clearance[lane] = p.clearance;
-    out.t_clear[lane] = float(begin * (1.0 - 0x1p-23)); // not after the begin
-    return true;
-}
-
-// Sets up a float ray along the chord. false: too far from the origin, or the chord is too long.
-bool set_grain_ray(const GrainTracer& tracer, const Grain& grain, RTCRayHit& out) {
-    const Vec3d from = state_after(tracer, grain, grain.chord_t0).x;
-    const Vec3d to =
-        (grain.chord_t1 < grain.end ? state_after(tracer, grain, grain.chord_t1) : grain.end_state).x;
-    const Vec3d way = to - from;
-    const double length = way.norm(), c = from.cwiseAbs().maxCoeff();
-    if (!(length < max_grain_coordinate) || !(c < max_grain_coordinate)) return false;
-    const double overlap = length > 0.0 ? std::min(4.0 * grain_step * c / length + 1e-6, 1e3) : 0.0;
-    out.ray = {};
-    out.ray.org_x = float(from.x()), out.ray.org_y = float(from.y()), out.ray.org_z = float(from.z());
-    out.ray.dir_x = float(way.x()), out.ray.dir_y = float(way.y()), out.ray.dir_z = float(way.z());
-    out.ray.tfar = float(1.0 + overlap);
-    out.ray.mask = tracer.settings.ray_mask;
-    out.hit.geomID = RTC_INVALID_GEOMETRY_ID;
-    out.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
-    return true;
+    out.t_clear[lane] = grain.t_clear;
 }
 
 // ---- hits ----
-
-struct GrainHit {
-    Vec3d point, normal; // normal: unit, facing the incoming path
-    double offset = 0.0;
-    const GrainMesh* mesh = nullptr; // nullptr: it does not wear
-    const uint32_t* corners = nullptr;
-};
-
-// Geometry in an instance is none of the lent meshes, whatever its id.
-unsigned lent_id(const RTCRayHit& ray) {
-    return ray.hit.instID[0] == RTC_INVALID_GEOMETRY_ID ? ray.hit.geomID : RTC_INVALID_GEOMETRY_ID;
-}
-
-const GrainMesh* worn_mesh(const GrainTracer& tracer, unsigned id) {
-    const auto found =
-        std::lower_bound(tracer.meshes.begin(), tracer.meshes.end(), id,
-                         [](const GrainMesh& mesh, unsigned other) { return mesh.mesh.geometry < other; });
-    return found != tracer.meshes.end() && found->mesh.geometry == id ? &*found : nullptr;
-}
-
-GrainHit resolve_hit(const GrainTracer& tracer, const RTCRayHit& ray) {
-    GrainHit hit;
-    const Vec3d origin(ray.ray.org_x, ray.ray.org_y, ray.ray.org_z);
-    const Vec3d way(ray.ray.dir_x, ray.ray.dir_y, ray.ray.dir_z);
-    const GrainMesh* found = worn_mesh(tracer, lent_id(ray));
-    const bool worn = found && ray.hit.primID < found->mesh.triangle_count;
-    if (worn) {
-        hit.mesh = found;
-        hit.corners = found->mesh.triangles + 3 * size_t(ray.hit.primID);
-        const auto corner = [&](int k) {
-            const float* p = found->mesh.vertices + 3 * size_t(hit.corners[k]);
-            return Vec3d(p[0], p[1], p[2]);
-        };
-        const Vec3d p0 = corner(0), e1 = corner(1) - p0, e2 = corner(2) - p0;
-        const double area = e1.cross(e2).norm(), l1 = e1.norm(), l2 = e2.norm();
-        hit.normal = area > 0.0 ? Vec3d(e1.cross(e2) / area) : Vec3d(-way.normalized());
-        hit.point = p0 + double(ray.hit.u) * e1 + double(ray.hit.v) * e2;
-        const double sliver = area > 0.0 ? std::min(l1 * l2 / area, grain_sliver) : grain_sliver;
-        hit.offset = hit.point.cwiseAbs().maxCoeff() + std::max(l1, l2) * sliver;
-    } else { // not worn: use the hit from Embree
-        hit.point = origin + double(ray.ray.tfar) * way;
-        const Vec3d normal(ray.hit.Ng_x, ray.hit.Ng_y, ray.hit.Ng_z);
-        const double area = normal.norm();
-        hit.normal = area > 0.0 ? Vec3d(normal / area) : Vec3d(-way.normalized());
-        hit.offset = 2.0 * (hit.point.cwiseAbs().maxCoeff() + way.norm()) + 4.0 * std::sqrt(area);
-    }
-    hit.offset *= grain_margin * grain_step;
-    if (hit.normal.dot(way) > 0.0) hit.normal = -hit.normal;
-    return hit;
-}
 
 void add_quanta(int64_t& to, int64_t quanta) {
     if (quanta != 0) std::atomic_ref<int64_t>(to).fetch_add(quanta, std::memory_order_relaxed);
 }
 
-void add_wear(GrainTracer& tracer, const GrainHit& hit, const RTCRayHit& ray, int64_t quanta) {
-    const double u = std::clamp(double(ray.hit.u), 0.0, 1.0), v = std::clamp(double(ray.hit.v), 0.0, 1.0 - u);
+void add_wear(GrainTracer& tracer, const WornPlace& place, int64_t quanta) {
+    const double u = std::clamp(place.u, 0.0, 1.0), v = std::clamp(place.v, 0.0, 1.0 - u);
     const auto at1 = int64_t(u * double(quanta) + 0.5), at2 = int64_t(v * double(quanta) + 0.5);
-    const size_t first = hit.mesh->first_vertex;
-    add_quanta(tracer.vertex_quanta[first + hit.corners[0]], quanta - at1 - at2);
-    add_quanta(tracer.vertex_quanta[first + hit.corners[1]], at1);
-    add_quanta(tracer.vertex_quanta[first + hit.corners[2]], at2);
+    const size_t first = place.mesh->first_vertex;
+    const uint32_t* const corners = place.corners();
+    add_quanta(tracer.vertex_quanta[first + corners[0]], quanta - at1 - at2);
+    add_quanta(tracer.vertex_quanta[first + corners[1]], at1);
+    add_quanta(tracer.vertex_quanta[first + corners[2]], at2);
     if (!tracer.triangle_quanta.empty())
-        add_quanta(tracer.triangle_quanta[hit.mesh->first_triangle + ray.hit.primID], quanta);
-}
-
-Vec3d rebound(const GrainTracer& tracer, const Grain& grain, const Vec3d& v, const Vec3d& n) {
-    const GrainSettings& s = tracer.settings;
-    const double towards = v.dot(n);
-    const Vec3d out = s.tangent_restitution * (v - towards * n) - s.normal_restitution * towards * n;
-    const double speed = out.norm();
-    if (!(speed > 0.0) || s.scatter <= 0.0) return out;
-    const auto [u0, u1] = event_numbers(tracer, grain.path, 2 * grain.hits);
-    const double z = 2.0 * u0 - 1.0, angle = 2.0 * pi * u1;
-    const double r = std::sqrt(std::max(1.0 - z * z, 0.0));
-    Vec3d d = out / speed + s.scatter * Vec3d(r * std::cos(angle), r * std::sin(angle), z);
-    const double length = d.norm();
-    if (!(length > 1e-6)) return out;
-    d /= length;
-    double rise = d.dot(n);
-    if (rise < 0.0) d -= 2.0 * rise * n, rise = -rise;
-    if (rise < min_rebound_sine) d = (d + (min_rebound_sine - rise) * n).normalized();
-    return speed * d;
+        add_quanta(tracer.triangle_quanta[place.mesh->first_triangle + place.triangle], quanta);
 }
 
 // ---- events: what becomes of a grain ----
@@ -267,35 +162,33 @@ void move_to(Grain& grain, const Vec3d& x, const Vec3d& v, const Vec3d& normal) 
     grain.x = x, grain.v = v, grain.normal = normal;
 }
 
-// The grain landed with velocity v; leave_sand() has replaced it.
-Next count_landing(const GrainTracer& tracer, GrainCounts& counts, Grain& grain, const Vec3d& v) {
-    const int64_t before = energy_after_flight(counts, grain, v);
+// The grain landed, and `leaving` replaces it. false: that settles.
+bool count_landing(const GrainTracer& tracer, GrainCounts& counts, Grain& grain, const Vec3d& leaving) {
+    const int64_t before = energy_after_flight(counts, grain, grain.v);
     ++counts.sand_hits;
-    grain.energy = grain_quanta(grain_energy(grain.v));
+    grain.energy = grain_quanta(grain_energy(leaving));
     counts.sand += grain.energy - before;
     ++grain.landings;
-    if (grain_energy(grain.v) < tracer.settle || !(grain.v.dot(grain.normal) > 0.0))
-        return end_grain(counts, grain, grain.v, counts.settled);
-    return Next::starts_arc;
+    if (grain_energy(leaving) >= tracer.settle && leaving.dot(grain.normal) > 0.0) return true;
+    end_grain(counts, grain, leaving, counts.settled);
+    return false;
 }
 
 Next hit_rock(GrainTracer& tracer, GrainCounts& counts, Grain& grain, const GrainHit& hit,
-              const RTCRayHit& ray, const Vec3d& v) {
+              const WornPlace& place) {
     const GrainSettings& s = tracer.settings;
-    const double energy = grain_energy(v), speed = v.norm();
-    const int64_t before = energy_after_flight(counts, grain, v);
-    ++(hit.mesh ? counts.worn_hits : counts.other_hits);
-    if (hit.mesh) {
-        const double sine = std::min(-v.dot(hit.normal) / speed, 1.0);
-        const int64_t worn = grain_quanta(wearing_energy(s, energy, sine));
+    const int64_t before = energy_after_flight(counts, grain, hit.v);
+    ++(place.mesh ? counts.worn_hits : counts.other_hits);
+    if (place.mesh) {
+        const int64_t worn = grain_quanta(wearing_energy(s, grain_energy(hit.v), hit.sine));
         counts.worn += worn;
-        add_wear(tracer, hit, ray, worn);
+        add_wear(tracer, place, worn);
     }
-    move_to(grain, hit.point + hit.offset * hit.normal, rebound(tracer, grain, v, hit.normal), hit.normal);
-    grain.energy = grain_quanta(grain_energy(grain.v));
+    move_to(grain, hit.x, hit.rebound, hit.normal);
+    const double left = grain_energy(grain.v);
+    grain.energy = grain_quanta(left);
     counts.rock += before - grain.energy;
     ++grain.hits;
-    const double left = grain_energy(grain.v);
     if (left < tracer.settle || !(grain.v.dot(hit.normal) > 0.0))
         return end_grain(counts, grain, grain.v, counts.settled);
     if (s.drag_time <= 0.0 && !s.ground && s.sand.empty() &&
@@ -306,65 +199,38 @@ Next hit_rock(GrainTracer& tracer, GrainCounts& counts, Grain& grain, const Grai
 }
 
 // The grain continues, slightly above the surface.
-Next grazes(GrainCounts& counts, Grain& grain, const GrainHit& hit, const Vec3d& v) {
+Next grazes(GrainCounts& counts, Grain& grain, const GrainHit& hit) {
     ++counts.grazes;
-    const double lack = min_rebound_sine * v.norm() - v.dot(hit.normal);
-    move_to(grain, hit.point + hit.offset * hit.normal, lack > 0.0 ? Vec3d(v + lack * hit.normal) : v,
-            hit.normal);
+    const double lack = min_rebound_sine * hit.v.norm() - hit.v.dot(hit.normal);
+    move_to(grain, hit.x, lack > 0.0 ? Vec3d(hit.v + lack * hit.normal) : hit.v, hit.normal);
     grain.energy = energy_after_flight(counts, grain, grain.v);
     return Next::starts_arc;
 }
 
-// At the end of an arc that hit nothing.
-Next end_arc(GrainCounts& counts, Grain& grain) {
-    grain.segments += uint64_t(grain.chords);
-    const GrainState& end = grain.end_state;
-    if (grain.at_end == ArcEnd::gives_up) return end_grain(counts, grain, end.v, counts.given_up);
-    if (grain.at_end == ArcEnd::leaves)
-        return end_grain(counts, grain, end.v, counts.left[size_t(grain.side)]);
-    const bool lands = grain.at_end == ArcEnd::lands;
+// At the end of an arc that hit nothing. `end`: of the grain, or of the lane that it is in.
+Next end_arc(GrainCounts& counts, Grain& grain, const GrainArcEnd& end) {
+    grain.chords_left -= end.chords;
+    if (end.how == ArcEnd::gives_up) return end_grain(counts, grain, end.v, counts.given_up);
+    if (end.how == ArcEnd::leaves) return end_grain(counts, grain, end.v, counts.left[size_t(end.side)]);
+    const bool lands = end.how == ArcEnd::lands;
     move_to(grain, end.x, end.v, lands ? Vec3d(Vec3d::UnitY()) : Vec3d(Vec3d::Zero()));
     return lands ? Next::lands : Next::starts_arc;
 }
 
 // At the hit of the traced chord.
-Next handle_hit(GrainTracer& tracer, GrainCounts& counts, Grain& grain, const RTCRayHit& ray) {
-    grain.segments += grain.chord + 1;
-    const GrainHit hit = resolve_hit(tracer, ray);
-    const double share = std::clamp(double(ray.ray.tfar), 0.0, 1.0);
-    const Vec3d v = state_after(tracer, grain, grain.chord_t0 + share * (grain.chord_t1 - grain.chord_t0)).v;
-    if (std::binary_search(tracer.sand.begin(), tracer.sand.end(), lent_id(ray))) {
-        move_to(grain, hit.point + hit.offset * hit.normal, v, hit.normal);
+Next handle_hit(GrainTracer& tracer, GrainCounts& counts, Grain& grain, const GrainHit& hit,
+                const WornPlace& place, unsigned id) {
+    grain.chords_left -= grain.chord + 1;
+    if (std::binary_search(tracer.sand.begin(), tracer.sand.end(), id)) {
+        move_to(grain, hit.x, hit.v, hit.normal);
         return Next::lands;
     }
-    if (v.dot(hit.normal) < 0.0) return hit_rock(tracer, counts, grain, hit, ray, v);
-    return grazes(counts, grain, hit, v); // the chord hits a surface that the path is leaving
+    if (hit.sine > 0.0) return hit_rock(tracer, counts, grain, hit, place);
+    return grazes(counts, grain, hit); // the chord hits a surface that the path is leaving
 }
 
-// Hits access memory at random. Prefetching saves a quarter of the time on a million triangles.
-void prefetch_hits(const GrainTracer& tracer, std::span<const RTCRayHit> rays) {
-    const auto worn = [&](const RTCRayHit& ray) -> const GrainMesh* {
-        if (ray.hit.geomID == RTC_INVALID_GEOMETRY_ID) return nullptr;
-        const GrainMesh* mesh = worn_mesh(tracer, lent_id(ray));
-        return mesh && ray.hit.primID < mesh->mesh.triangle_count ? mesh : nullptr;
-    };
-    for (const RTCRayHit& ray : rays)
-        if (const GrainMesh* mesh = worn(ray)) {
-            __builtin_prefetch(mesh->mesh.triangles + 3 * size_t(ray.hit.primID));
-            if (!tracer.triangle_quanta.empty())
-                __builtin_prefetch(&tracer.triangle_quanta[mesh->first_triangle + ray.hit.primID], 1);
-        }
-    for (const RTCRayHit& ray : rays)
-        if (const GrainMesh* mesh = worn(ray))
-            for (int k = 0; k < 3; ++k) {
-                const size_t v = mesh->mesh.triangles[3 * size_t(ray.hit.primID) + size_t(k)];
-                __builtin_prefetch(mesh->mesh.vertices + 3 * v);
-                __builtin_prefetch(&tracer.vertex_quanta[mesh->first_vertex + v], 1);
-            }
-}
-
-// Handles grains in batches: eight that start, leave sand or begin an arc, eight whose arcs are checked for empty space,
-// and up to 64 rays. A grain is in one place at a time: a queue of slots, or a lane.
+// Handles grains in batches: eight that start, leave sand, begin an arc or need a ray, eight whose arcs are checked for
+// empty space, and up to 64 rays. A grain is in one place at a time: a queue of slots, or a lane.
 class GrainWavefront {
   public:
     GrainWavefront(GrainTracer& tracer, uint64_t first, uint64_t end, GrainCounts& counts)
@@ -376,7 +242,6 @@ class GrainWavefront {
     void trace() {
         for (uint64_t steps = 1;; ++steps) {
             if (steps % 64 == 0 && tracer_.hooks.cancelled && tracer_.hooks.cancelled()) return;
-            if (ray_queue_.size() + lanes > grain_window) trace_rays();
             fill_lanes();
             if (used_ != all_used && feed()) continue;
             if (used_ == 0) return;
@@ -387,24 +252,28 @@ class GrainWavefront {
 
   private:
     using Slots = std::vector<uint32_t>;
+    struct Hit {
+        uint32_t slot;
+        const RTCRayHit* ray;
+        WornPlace place;
+    };
     static constexpr uint32_t all_used = (1U << lanes) - 1U;
 
     // Grains on arcs into free lanes.
     void fill_lanes() {
         while (used_ != all_used && !flying_.empty()) {
-            const uint32_t slot = flying_.back();
-            flying_.pop_back();
             const int lane = std::countr_one(used_);
-            if (set_parabola(grains_[slot], lane, parabolas_))
-                slot_[size_t(lane)] = slot, used_ |= 1U << lane;
-            else
-                put(slot, end_arc(counts_, grains_[slot]));
+            slot_[size_t(lane)] = flying_.back(), used_ |= 1U << lane;
+            set_parabola(grains_[flying_.back()], lane, parabolas_);
+            flying_.pop_back();
         }
     }
 
     // Handles a batch, so that more grains fly. false: all grains are in lanes, or have ended.
     bool feed() {
-        if (landing_.size() >= lanes)
+        if (near_.size() >= lanes)
+            set_rays();
+        else if (landing_.size() >= lanes)
             leave_sand();
         else if (starting_.size() >= lanes)
             start_arcs();
@@ -414,6 +283,8 @@ class GrainWavefront {
             leave_sand();
         else if (!starting_.empty())
             start_arcs();
+        else if (!near_.empty())
+            set_rays();
         else if (!ray_queue_.empty())
             trace_rays();
         else
@@ -437,73 +308,117 @@ class GrainWavefront {
     }
 
     void emit_grains() {
-        const GrainBatch room = take(free_); // never empty: at most 77 slots are elsewhere here
+        const GrainBatch room = take(free_); // never empty: at most 92 slots are elsewhere here
         const size_t count = std::min(room.size(), paths_.size() - next_);
         for (size_t k = count; k < room.size(); ++k) free_.push_back(batch_slots_[k]);
         const GrainBatch batch = room.first(count);
-        for (Grain* grain : batch)
-            grain->path = paths_[next_++], grain->hits = grain->landings = 0, grain->segments = 0;
-        marram::emit_grains(tracer_, batch);
-        for (Grain* grain : batch) counts_.started += grain->energy = grain_quanta(grain_energy(grain->v));
-        fly(batch);
+        for (Grain* grain : batch) grain->path = paths_[next_++], grain->hits = grain->landings = 0;
+        marram::emit_grains(tracer_, batch, states_);
+        for (size_t k = 0; k < count; ++k)
+            counts_.started += batch[k]->energy = grain_quanta(grain_energy(states_.state(int(k)).v));
+        fly(batch, all_used);
     }
 
     void leave_sand() {
-        GrainBatch batch = take(landing_);
-        std::array<Vec3d, lanes> before;
-        for (size_t k = 0; k < batch.size(); ++k) before[k] = batch[k]->v;
-        marram::leave_sand(tracer_, batch);
-        size_t count = 0;
+        const GrainBatch batch = take(landing_);
+        load_grains(batch, states_);
+        marram::leave_sand(tracer_, batch, states_);
+        uint32_t leave = 0;
         for (size_t k = 0; k < batch.size(); ++k) {
-            const uint32_t slot = batch_slots_[k];
-            if (count_landing(tracer_, counts_, *batch[k], before[k]) == Next::ends)
-                free_.push_back(slot);
+            if (count_landing(tracer_, counts_, *batch[k], states_.state(int(k)).v))
+                leave |= 1U << k;
             else
-                batch_[count] = batch[k], batch_slots_[count++] = slot;
+                free_.push_back(batch_slots_[k]);
         }
-        fly(batch.first(count));
+        fly(batch, leave);
     }
 
-    void start_arcs() { fly(take(starting_)); }
+    void start_arcs() {
+        const GrainBatch batch = take(starting_);
+        load_grains(batch, states_);
+        fly(batch, all_used);
+    }
 
-    void fly(GrainBatch batch) {
-        if (batch.empty()) return;
-        marram::start_arcs(tracer_, batch);
-        flying_.insert(flying_.end(), batch_slots_.begin(),
-                       batch_slots_.begin() + std::ptrdiff_t(batch.size()));
+    // Grains of `states_`. Most arcs from sand end in their first or second step: only what goes on is stored.
+    void fly(GrainBatch batch, uint32_t which) {
+        const uint32_t done = marram::start_arcs(tracer_, states_);
+        parabolas_.gravity = states_.parabolas.gravity;
+        for (size_t k = 0; k < batch.size(); ++k) {
+            if ((which >> k & 1U) == 0) continue;
+            const int lane = int(k);
+            const uint32_t slot = batch_slots_[k];
+            Grain& grain = *batch[k];
+            if (double(states_.parabolas.t_clear[lane]) < states_.end[lane]) {
+                states_.store_arc(lane, grain);
+                ((done >> k & 1U) != 0 ? near_ : flying_).push_back(slot);
+            } else {
+                grain.chords_left = states_.chords_left[lane];
+                put(slot, end_arc(counts_, grain, states_.arc_end(lane)));
+            }
+        }
     }
 
     void retire_lane(int lane) {
         const uint32_t slot = slot_[size_t(lane)];
         Grain& grain = grains_[slot];
         used_ &= ~(1U << lane);
-        const double clear = double(parabolas_.t_clear[lane]);
-        if (!(clear < grain.end)) {
-            put(slot, end_arc(counts_, grain));
-            return;
-        }
-        find_chord(grain, clear); // near something
-        if (set_grain_ray(tracer_, grain, rays_[ray_queue_.size()]))
-            ray_queue_.push_back(slot);
+        grain.t_clear = parabolas_.t_clear[lane];
+        if (double(grain.t_clear) < grain.end.time)
+            near_.push_back(slot);
         else
-            put(slot, end_grain(counts_, grain, grain.v, counts_.given_up));
+            put(slot, end_arc(counts_, grain, grain.end));
     }
 
-    void trace_rays() {
-        const std::span<RTCRayHit> batch = std::span(rays_).first(ray_queue_.size());
-        if (tracer_.hooks.rays) tracer_.hooks.rays(batch);
-        for (RTCRayHit& ray : batch)
-            marram_intersect1(tracer_.scene, &ray, 0); // a stream takes a third longer
-        counts_.rays += batch.size();
-        prefetch_hits(tracer_, batch);
+    void set_rays() {
+        if (ray_queue_.size() + lanes > grain_window) trace_rays();
+        const GrainBatch batch = take(near_);
+        const std::span<RTCRayHit> rays = std::span(rays_).subspan(ray_queue_.size(), batch.size());
+        const uint32_t fails = marram::set_rays(tracer_, batch, rays);
+        size_t count = 0;
         for (size_t k = 0; k < batch.size(); ++k) {
-            const uint32_t slot = ray_queue_[k];
-            if (batch[k].hit.geomID != RTC_INVALID_GEOMETRY_ID)
-                put(slot, handle_hit(tracer_, counts_, grains_[slot], batch[k]));
-            else
-                ++grains_[slot].chord, flying_.push_back(slot);
+            if ((fails >> k & 1U) != 0) {
+                put(batch_slots_[k], end_grain(counts_, *batch[k], batch[k]->v, counts_.given_up));
+            } else {
+                if (count < k) rays[count] = rays[k];
+                ++count, ray_queue_.push_back(batch_slots_[k]);
+            }
         }
+    }
+    void trace_rays() {
+        const std::span<RTCRayHit> rays = std::span(rays_).first(ray_queue_.size());
+        if (tracer_.hooks.rays) tracer_.hooks.rays(rays);
+        size_t prefetched = 0;
+        for (size_t k = 0; k < rays.size(); ++k) {
+            marram_intersect1(tracer_.scene, &rays[k], 0); // a stream takes a third longer
+            const uint32_t slot = ray_queue_[k];
+            if (rays[k].hit.geomID != RTC_INVALID_GEOMETRY_ID) {
+                hits_.push_back({slot, &rays[k], worn_place(tracer_, rays[k])});
+                prefetch_triangle(tracer_, hits_.back().place);
+                if (hits_.size() > 1) prefetch_corners(tracer_, hits_[prefetched++].place);
+            } else if (Grain& grain = grains_[slot]; advance_chord(grain)) {
+                flying_.push_back(slot);
+            } else {
+                put(slot, end_arc(counts_, grain, grain.end));
+            }
+        }
+        if (!hits_.empty()) prefetch_corners(tracer_, hits_.back().place);
+        counts_.rays += rays.size();
+        for (size_t first = 0; first < hits_.size(); first += lanes)
+            handle_hits(std::span(hits_).subspan(first, std::min(hits_.size() - first, size_t(lanes))));
+        hits_.clear();
         ray_queue_.clear();
+    }
+
+    void handle_hits(std::span<const Hit> batch) {
+        std::array<const RTCRayHit*, lanes> rays;
+        std::array<WornPlace, lanes> places;
+        for (size_t k = 0; k < batch.size(); ++k)
+            batch_[k] = &grains_[batch[k].slot], rays[k] = batch[k].ray, places[k] = batch[k].place;
+        std::array<GrainHit, lanes> hits;
+        find_hits(tracer_, {batch_.data(), batch.size()}, rays, places, hits);
+        for (size_t k = 0; k < batch.size(); ++k)
+            put(batch[k].slot,
+                handle_hit(tracer_, counts_, *batch_[k], hits[k], places[k], lent_id(*rays[k])));
     }
 
     GrainTracer& tracer_;
@@ -512,7 +427,9 @@ class GrainWavefront {
     size_t next_ = 0; // of them
     std::vector<Grain> grains_;
     std::vector<RTCRayHit> rays_;
-    Slots free_, landing_, starting_, flying_, ray_queue_;
+    std::vector<Hit> hits_;
+    Slots free_, landing_, starting_, flying_, near_, ray_queue_;
+    Grains8 states_{};
     std::array<Grain*, lanes> batch_{};
     std::array<uint32_t, lanes> batch_slots_{}, slot_{};
     uint32_t used_ = 0; // bits of lanes

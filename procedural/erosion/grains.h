@@ -25,6 +25,7 @@ struct WornMesh {
     size_t vertex_count = 0;
     const uint32_t* triangles = nullptr; // 3 per triangle, in the order of the scene
     size_t triangle_count = 0;
+    bool quads = false; // in the scene each two triangles a b c and a c d are one of Embree's quads, d a b c
 };
 
 struct GrainSettings {

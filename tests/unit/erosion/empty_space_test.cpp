@@ -66,15 +66,15 @@ TEST(EmptySpace, AStepStaysInsideTheBall) {
     const EmptySpace empty(scene.get(), box, 40);
     for (uint64_t k = 0; k < 2000; ++k) {
         const Vec3d p = point_in(box, k), v = 10.0 * (point_in(box, k + 77777));
-        const double a = -9.81 * unit_double(hash(k, 9));
+        const double gravity = 9.81 * unit_double(hash(k, 9));
         Parabolas8 paths{};
         for (int axis = 0; axis < 3; ++axis)
             paths.x[axis][0] = float(p[axis] - empty.low()[axis]), paths.v[axis][0] = float(v[axis]);
-        paths.a[1][0] = float(a), paths.t_max[0] = 10.0F;
+        paths.gravity = float(gravity), paths.t_max[0] = 10.0F;
         const double radius = empty_radius(empty, p);
         empty.step(paths);
         const auto t = double(paths.t_clear[0]);
-        const Vec3d way = t * v + 0.5 * a * t * t * Vec3d::UnitY();
+        const Vec3d way = t * v - 0.5 * gravity * t * t * Vec3d::UnitY();
         EXPECT_LE(way.norm(), radius * (1.0 + 1e-5) + 1e-6);
     }
 }

@@ -252,14 +252,6 @@ class Eroder {
 
 using RockScene = std::unique_ptr<std::remove_pointer_t<RTCScene>, decltype(&rtcReleaseScene)>;
 
-// Whether each two triangles are a b c and a c d, as those of a level set.
-bool has_quads(const LevelMesh& mesh) {
-    const std::vector<uint32_t>& t = mesh.triangles;
-    bool all = t.size() % 6 == 0;
-    for (size_t k = 0; k < t.size() && all; k += 6) all = t[k] == t[k + 3] && t[k + 2] == t[k + 4];
-    return all;
-}
-
 // Quads where possible: Embree's tree over them has half as many leaves, and takes half the time to build.
 RTCGeometry rock_geometry(RTCDevice device, const LevelMesh& mesh, bool quads) {
     const RTCGeometry geometry =

@@ -72,8 +72,8 @@
 // Order. The paths of a task are traced in the order of their places on the start plane. Of 8 10^6 grains around
 // 1.5 10^6 triangles this saves an eighth of the time, as neighbours hit near each other.
 //
-// Cost. Eight grains leave sand, begin arcs and are checked for empty space together. A grain around a ball of
-// 1.5 10^6 triangles takes 1.8 us of one core, for 0.8 hits, 5 landings on sand and 2.4 rays, of which Embree takes
+// Cost. Eight grains leave sand, begin arcs, are checked for empty space and hit rock together. A grain around a ball of
+// 1.5 10^6 triangles takes 1.7 us of one core, for 0.8 hits, 5 landings on sand and 2.4 rays, of which Embree takes
 // 0.6 us (build/rock_erosion speed). On rough rock without sand a chord takes 0.5 us, of which Embree takes 0.3 us
 // (build/grains speed).
 #include "procedural/erosion/grains.h"
@@ -93,7 +93,7 @@
 namespace marram {
 namespace {
 
-constexpr size_t grain_window = 64;                        // rays in a batch, at most
+constexpr size_t grain_window = 40;                        // rays in a batch, at most
 constexpr uint64_t least_block = 4096, most_block = 65536; // grains per task
 
 int64_t grain_quanta(double energy) { return int64_t(energy / grain_quantum + 0.5); } // energy: 0 or more
@@ -230,12 +230,12 @@ Next handle_hit(GrainTracer& tracer, GrainCounts& counts, Grain& grain, const Gr
 }
 
 // Handles grains in batches: eight that start, leave sand, begin an arc or need a ray, eight whose arcs are checked for
-// empty space, and up to 64 rays. A grain is in one place at a time: a queue of slots, or a lane.
+// empty space, and up to 40 rays. A grain is in one place at a time: a queue of slots, or a lane.
 class GrainWavefront {
   public:
     GrainWavefront(GrainTracer& tracer, uint64_t first, uint64_t end, GrainCounts& counts)
         : tracer_(tracer), counts_(counts), paths_(ordered_paths(tracer, first, end)),
-          grains_(grain_window + 6 * lanes), rays_(grain_window) {
+          grains_(grain_window + 5 * lanes), rays_(grain_window) {
         for (uint32_t slot = 0; slot < grains_.size(); ++slot) free_.push_back(slot);
     }
 
@@ -308,7 +308,7 @@ class GrainWavefront {
     }
 
     void emit_grains() {
-        const GrainBatch room = take(free_); // never empty: at most 92 slots are elsewhere here
+        const GrainBatch room = take(free_); // never empty: at most 68 slots are elsewhere here
         const size_t count = std::min(room.size(), paths_.size() - next_);
         for (size_t k = count; k < room.size(); ++k) free_.push_back(batch_slots_[k]);
         const GrainBatch batch = room.first(count);

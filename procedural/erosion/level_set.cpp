@@ -60,7 +60,6 @@ extern template class openvdb::Grid<openvdb::FloatTree>;
 #include <cmath>
 #include <cstring>
 #include <limits>
-#include <numeric>
 
 namespace marram {
 namespace {
@@ -73,9 +72,7 @@ using Leaf = FloatTree::LeafNodeType;
 using Leaves = openvdb::tree::LeafManager<FloatTree>;
 
 constexpr int leaf_side = 8, leaf_size = leaf_side * leaf_side * leaf_side;
-constexpr float band = 3.0F;                // half width of the narrow band, in voxels
-constexpr double most_voxels = 0x1p27;      // in the band: 16 GB including temporary data during wear
-constexpr double most_voxels_away = 0x1p17; // distance from the origin, where floats resolve 0.8 % of a voxel
+constexpr float band = float(level_set_band);
 constexpr float least_inside_cell = 0.02F;
 constexpr int relaxing_steps = 3;
 constexpr float relaxing_step = 0.5F; // in h
@@ -244,89 +241,6 @@ CellVertex cell_vertex(const std::array<float, 8>& corner, const std::array<Floa
 void for_leaves(const Leaves& leaves, const auto& body) {
     marram::parallel_for(tbb::blocked_range<size_t>(0, leaves.leafCount(), 8),
                          [&](const tbb::blocked_range<size_t>& range) { body(range.begin(), range.end()); });
-}
-
-// ---- input meshes ----
-
-// For each vertex the first vertex at the same position.
-std::vector<uint32_t> first_vertex_at_position(std::span<const float> positions) {
-    const size_t count = positions.size() / 3;
-    std::vector<uint32_t> order(count), first(count);
-    std::iota(order.begin(), order.end(), 0U);
-    const auto key = [&](uint32_t v) {
-        return std::array{positions[3 * v], positions[3 * v + 1], positions[3 * v + 2]};
-    };
-    marram::parallel_sort(order.begin(), order.end(), [&](uint32_t a, uint32_t b) {
-        const auto ka = key(a), kb = key(b);
-        return ka != kb ? ka < kb : a < b;
-    });
-    for (size_t n = 0; n < count; ++n)
-        first[order[n]] = n > 0 && key(order[n]) == key(order[n - 1]) ? first[order[n - 1]] : order[n];
-    return first;
-}
-
-// Throws unless every edge has an even number of triangles.
-void check_closed(std::span<const uint32_t> triangles, const std::vector<uint32_t>& first) {
-    std::vector<uint64_t> edges(triangles.size());
-    for (size_t n = 0; n < triangles.size(); ++n) {
-        const uint64_t a = first[triangles[n]], b = first[triangles[n % 3 == 2 ? n - 2 : n + 1]];
-        edges[n] = std::min(a, b) << 32 | std::max(a, b);
-    }
-    marram::parallel_sort(edges.begin(), edges.end());
-    for (size_t begin = 0, end; begin < edges.size(); begin = end) {
-        for (end = begin; end < edges.size() && edges[end] == edges[begin];) ++end;
-        const bool point = edges[begin] >> 32 == (edges[begin] & 0xffffffffU);
-        if ((end - begin) % 2 != 0 && !point)
-            throw LevelSetError("the mesh of the rock is open: an edge has triangles on one side only");
-    }
-}
-
-// Checks a mesh and returns its triangles, without those of zero area.
-std::vector<uint32_t> checked_triangles(std::span<const float> positions, std::span<const uint32_t> triangles,
-                                        double voxel) {
-    if (!(voxel > 0.0) || !std::isfinite(voxel)) throw LevelSetError("the voxel size must be above 0");
-    if (positions.size() % 3 != 0 || triangles.size() % 3 != 0)
-        throw LevelSetError("a vertex takes three floats, and a triangle three indices");
-    if (positions.empty() || triangles.empty()) throw LevelSetError("the mesh of the rock is empty");
-    if (positions.size() / 3 > std::numeric_limits<uint32_t>::max())
-        throw LevelSetError("the mesh of the rock has too many vertices");
-    for (const float p : positions)
-        if (!std::isfinite(p)) throw LevelSetError("a vertex of the rock is not a number, or infinite");
-    for (const uint32_t v : triangles)
-        if (v >= positions.size() / 3)
-            throw LevelSetError("a triangle of the rock names a vertex that is not there");
-    check_closed(triangles, first_vertex_at_position(positions));
-
-    std::vector<uint32_t> kept;
-    kept.reserve(triangles.size());
-    double area = 0.0;
-    constexpr double far = std::numeric_limits<double>::infinity();
-    std::array<double, 3> lower{far, far, far}, upper{-far, -far, -far};
-    for (size_t t = 0; t < triangles.size(); t += 3) {
-        openvdb::Vec3d p[3];
-        for (size_t c = 0; c < 3; ++c)
-            for (int axis = 0; axis < 3; ++axis)
-                p[c][axis] = double(positions[3 * size_t(triangles[t + c]) + size_t(axis)]);
-        const double twice = (p[1] - p[0]).cross(p[2] - p[0]).length();
-        if (!(twice > 0.0)) continue;
-        area += 0.5 * twice;
-        kept.insert(kept.end(), triangles.begin() + long(t), triangles.begin() + long(t) + 3);
-        for (const openvdb::Vec3d& corner : p)
-            for (size_t axis = 0; axis < 3; ++axis) {
-                lower[axis] = std::min(lower[axis], corner[int(axis)]);
-                upper[axis] = std::max(upper[axis], corner[int(axis)]);
-            }
-    }
-    if (kept.empty()) throw LevelSetError("the mesh of the rock has no area");
-    for (size_t axis = 0; axis < 3; ++axis) {
-        if (std::max(std::abs(lower[axis]), std::abs(upper[axis])) > most_voxels_away * voxel)
-            throw LevelSetError("the rock is more than 2^17 voxels from the origin: take larger voxels");
-        if (upper[axis] - lower[axis] < voxel)
-            throw LevelSetError("the voxels are larger than the rock: take smaller ones");
-    }
-    if (area / (voxel * voxel) * 2.0 * double(band) > most_voxels)
-        throw LevelSetError("the rock takes more than 2^27 voxels: take larger ones");
-    return kept;
 }
 
 // The narrow band around a checked mesh, in voxels.
@@ -599,30 +513,6 @@ float tricubic(const Accessor& accessor, const openvdb::Vec3d& place) {
             sum += wx[size_t(i)] * wy[size_t(j)] * row;
         }
     return sum;
-}
-
-// Signed volume of each connected piece, stored at its first vertex. Negative volumes are cavities.
-std::vector<double> piece_volumes(const LevelMesh& mesh) {
-    std::vector<uint32_t> parent(mesh.vertex_count());
-    std::iota(parent.begin(), parent.end(), 0U);
-    const auto root = [&](uint32_t v) {
-        while (parent[v] != v) v = parent[v] = parent[parent[v]];
-        return v;
-    };
-    for (size_t t = 0; t < mesh.triangles.size(); t += 3)
-        for (const size_t c : {t + 1, t + 2}) {
-            const uint32_t a = root(mesh.triangles[t]), b = root(mesh.triangles[c]);
-            parent[std::max(a, b)] = std::min(a, b);
-        }
-    std::vector<double> volume(mesh.vertex_count(), 0.0);
-    for (size_t t = 0; t < mesh.triangles.size(); t += 3) {
-        openvdb::Vec3d p[3];
-        for (size_t c = 0; c < 3; ++c)
-            for (int axis = 0; axis < 3; ++axis)
-                p[c][axis] = double(mesh.positions[3 * size_t(mesh.triangles[t + c]) + size_t(axis)]);
-        volume[root(mesh.triangles[t])] += p[0].dot(p[1].cross(p[2])) / 6.0;
-    }
-    return volume;
 }
 
 } // namespace
@@ -929,34 +819,6 @@ void LevelSet::sample(std::span<const float> points, std::span<float> distance) 
             distance[n] = float(double(tricubic(accessor, place / data_->voxel)) * data_->voxel);
         }
     });
-}
-
-double mesh_area(const LevelMesh& mesh) {
-    double sum = 0.0;
-    for (size_t t = 0; t < mesh.triangles.size(); t += 3) {
-        openvdb::Vec3d p[3];
-        for (size_t c = 0; c < 3; ++c)
-            for (int axis = 0; axis < 3; ++axis)
-                p[c][axis] = double(mesh.positions[3 * size_t(mesh.triangles[t + c]) + size_t(axis)]);
-        sum += 0.5 * (p[1] - p[0]).cross(p[2] - p[0]).length();
-    }
-    return sum;
-}
-
-double mesh_volume(const LevelMesh& mesh) {
-    if (mesh.triangles.empty()) return 0.0;
-    double sum = 0.0;
-    const openvdb::Vec3d origin(double(mesh.positions[0]), double(mesh.positions[1]),
-                                double(mesh.positions[2]));
-    for (size_t t = 0; t < mesh.triangles.size(); t += 3) {
-        openvdb::Vec3d p[3];
-        for (size_t c = 0; c < 3; ++c)
-            for (int axis = 0; axis < 3; ++axis)
-                p[c][axis] =
-                    double(mesh.positions[3 * size_t(mesh.triangles[t + c]) + size_t(axis)]) - origin[axis];
-        sum += p[0].dot(p[1].cross(p[2])) / 6.0;
-    }
-    return sum;
 }
 
 void smoothed_distance(const LevelMesh& mesh, double sigma, std::span<const float> points,

@@ -3,32 +3,11 @@
 // level_set.cpp.
 #pragma once
 
-#include <cstddef>
-#include <cstdint>
+#include "procedural/erosion/level_mesh.h"
+
 #include <memory>
-#include <span>
-#include <stdexcept>
-#include <string>
-#include <vector>
 
 namespace marram {
-
-// A closed surface.
-struct LevelMesh {
-    std::vector<float> positions;    // xyz per vertex, metres
-    std::vector<float> normals;      // xyz per vertex, unit, outward: gradient of the level set
-    std::vector<uint32_t> triangles; // 3 per triangle, anticlockwise seen from outside
-    size_t vertex_count() const { return positions.size() / 3; }
-    size_t triangle_count() const { return triangles.size() / 3; }
-};
-
-double mesh_area(const LevelMesh& mesh);   // m^2
-double mesh_volume(const LevelMesh& mesh); // m^3
-
-// Error in a mesh or a voxel size; the message is for the user.
-struct LevelSetError : std::runtime_error {
-    using std::runtime_error::runtime_error;
-};
 
 class LevelSet {
   public:

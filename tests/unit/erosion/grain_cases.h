@@ -63,16 +63,25 @@ class GrainScene {
     GrainScene(const GrainScene&) = delete;
     GrainScene& operator=(const GrainScene&) = delete;
 
-    unsigned add(GrainShape shape) {
+    // quads: each two triangles a b c and a c d of the shape are one of Embree's quads, d a b c.
+    unsigned add(GrainShape shape, bool quads = false) {
         shapes_.push_back(std::make_unique<GrainShape>(std::move(shape)));
         GrainShape& kept = *shapes_.back();
         const size_t vertices = kept.vertices.size() / 3, triangles = kept.triangles.size() / 3;
         kept.vertices.resize(kept.vertices.size() + 4); // Embree reads 16 bytes from each vertex
-        const RTCGeometry geometry = rtcNewGeometry(device_, RTC_GEOMETRY_TYPE_TRIANGLE);
+        const RTCGeometry geometry =
+            rtcNewGeometry(device_, quads ? RTC_GEOMETRY_TYPE_QUAD : RTC_GEOMETRY_TYPE_TRIANGLE);
         rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3,
                                    kept.vertices.data(), 0, 12, vertices);
-        rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3,
-                                   kept.triangles.data(), 0, 12, triangles);
+        if (quads) {
+            auto* to = static_cast<uint32_t*>(rtcSetNewGeometryBuffer(
+                geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT4, 16, triangles / 2));
+            for (size_t t = 0; t + 1 < triangles; t += 2)
+                for (const size_t c : {5, 0, 1, 2}) *to++ = kept.triangles[3 * t + c];
+        } else {
+            rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3,
+                                       kept.triangles.data(), 0, 12, triangles);
+        }
         rtcSetGeometryMask(geometry, 0xffffffffU); // Embree 4: 1 by default
         rtcCommitGeometry(geometry);
         const unsigned id = rtcAttachGeometry(scene_, geometry);

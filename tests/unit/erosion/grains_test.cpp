@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Compares wear by traced grains with closed forms. build/grains prints the complete tables.
+#include "core/math/hash.h"
 #include "grain_cases.h"
 
 #include <gtest/gtest.h>
@@ -329,6 +330,34 @@ TEST(Grains, DegenerateTrianglesWearNothing) {
     EXPECT_GT(result.report.worn, 0);
     EXPECT_EQ(result.triangles.back(), 0.0);
     for (const double wear : result.vertices) EXPECT_TRUE(wear >= 0.0 && wear < infinity);
+}
+
+TEST(Grains, QuadsWearAsTheirTriangles) {
+    GrainShape shape = grain_plate(Vec3d::Zero(), {1.0, 1.0, 0.0}, {0.0, 0.0, 1.0}, 20, 20);
+    for (size_t k = 0; k < shape.vertices.size(); ++k) // folds the quads
+        shape.vertices[k] += float(0.02 * (unit_double(hash(k, 5)) - 0.5));
+    std::array<GrainResult, 2> results;
+    for (const bool quads : {false, true}) {
+        GrainScene scene;
+        const unsigned id = scene.add(shape, quads);
+        scene.commit();
+        WornMesh mesh = scene.worn(id);
+        mesh.quads = quads;
+        results[quads] = traced(scene, mesh, even_grains(1 << 16));
+        expect_accounts(results[quads].report);
+        mesh.quads = true, mesh.triangle_count -= 1;
+        EXPECT_THROW(traced(scene, mesh, even_grains(10)), std::invalid_argument);
+    }
+    const auto difference = [&](auto member) {
+        double sum = 0.0, apart = 0.0;
+        for (size_t k = 0; k < (results[0].*member).size(); ++k) {
+            const double a = (results[0].*member)[k], b = (results[1].*member)[k];
+            sum += a, apart += std::abs(a - b);
+        }
+        return apart / sum;
+    };
+    EXPECT_LT(difference(&GrainResult::vertices), 1e-4);
+    EXPECT_LT(difference(&GrainResult::triangles), 1e-3); // hits near an edge may be those of its other triangle
 }
 
 TEST(Grains, ScaleAndPlaceDoNotMatter) {

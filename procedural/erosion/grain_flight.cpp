@@ -92,10 +92,10 @@ MARRAM_HOT void find_ejections(const GrainTracer& tracer, const EventKeys8& keys
     const Wide3d level = {cosine * box.along.x() + sine * box.across.x(), splat(0.0),
                           cosine * box.along.z() + sine * box.across.z()};
     const Wide3d along = level - g.normal * dot(level, g.normal);
-    const VDouble length = vsqrt(dot(along, along));
-    const VDouble per_length = select(length > 1e-6, tracer.settings.bed_speed / length, 0.0);
+    const VDouble along_length = length(along);
+    const VDouble per_length = select(along_length > 1e-6, tracer.settings.bed_speed / along_length, 0.0);
     const Wide3d out = g.normal * rise + along * per_length;
-    const VDouble limit = vsqrt(dot(g.v, g.v)), speed = vsqrt(dot(out, out));
+    const VDouble limit = length(g.v), speed = length(out);
     g.v = out * select(has_hit & (speed > limit), limit / speed, 1.0);
 }
 
@@ -203,9 +203,9 @@ MARRAM_INLINE VLong is_outside_horizontally(const GrainBox& box, const Wide3d& p
     return (s < box.start) | (s > box.s1) | (t < box.t0) | (t > box.t1);
 }
 
-// With drag the only chord is straight, and may leave the box: what is outside is not known to be empty. `length` of the
-// arcs: their rounding to floats is part of the clearance.
-MARRAM_INLINE void set_parabolas(const GrainTracer& tracer, const VDouble& length, Grains8& g) {
+// With drag the only chord is straight, and may leave the box: what is outside is not known to be empty. The rounding of arcs
+// to floats, in proportion to `arc_length`, is part of the clearance.
+MARRAM_INLINE void set_parabolas(const GrainTracer& tracer, const VDouble& arc_length, Grains8& g) {
     const bool drags = tracer.settings.drag_time > 0.0;
     // Chords lie up to `sag` below their arc, so within sag / 2 of the arc lowered by sag / 2.
     const double half_sag = drags ? 0.0 : 0.5 * tracer.sag;
@@ -224,8 +224,7 @@ MARRAM_INLINE void set_parabolas(const GrainTracer& tracer, const VDouble& lengt
         needs_ray = needs_ray | is_outside_horizontally(tracer.box, g.x) |
                     is_outside_horizontally(tracer.box, g.end_x);
     g.parabolas.min_step = to_float(select(needs_ray, infinity, 0.125 * vmin(g.chord_time, g.end)));
-    const VDouble largest = vmax(vmax(vabs(x.x), vabs(x.y)), vabs(x.z));
-    g.parabolas.clearance = to_float(half_sag + 0x1p-20 * (largest + length));
+    g.parabolas.clearance = to_float(half_sag + 0x1p-20 * (max_coordinate(x) + arc_length));
 }
 
 MARRAM_HOT void find_arcs(const GrainTracer& tracer, Grains8& g) {
@@ -239,9 +238,9 @@ MARRAM_HOT void find_arcs(const GrainTracer& tracer, Grains8& g) {
         g.acceleration.x += (air * tracer.box.along.x() - g.v.x) / s.drag_time;
         g.acceleration.y -= g.v.y / s.drag_time;
         g.acceleration.z += (air * tracer.box.along.z() - g.v.z) / s.drag_time;
-        a = vsqrt(dot(g.acceleration, g.acceleration));
+        a = length(g.acceleration);
     }
-    const VDouble v = vsqrt(dot(g.v, g.v));
+    const VDouble v = length(g.v);
     g.chord_time = select(a > 0.0, vsqrt(8.0 * tracer.sag / a), longest_arc);
     g.chord_time = select(v > 0.0, vmin(g.chord_time, 1.01 * tracer.box.size / v), g.chord_time);
     const VDouble falls = -dot(g.acceleration, g.normal);
@@ -294,12 +293,12 @@ MARRAM_HOT void find_rays(const GrainTracer& tracer, const std::array<const Grai
     const auto place = [&](const VDouble& t)
                            MARRAM_ALWAYS_INLINE { return x + (v + acceleration * (0.5 * t)) * t; };
     const Wide3d from = place(out.t0), to = select(out.t1 < end, place(out.t1), end_x), way = to - from;
-    const VDouble length = vsqrt(dot(way, way));
-    const VDouble c = vmax(vmax(vabs(from.x), vabs(from.y)), vabs(from.z));
-    out.fails = ~((length < max_grain_coordinate) & (c < max_grain_coordinate));
-    const VDouble overlap = vmin(4.0 * grain_step * c / length + 1e-6, 1e3);
+    const VDouble distance = length(way);
+    const VDouble c = max_coordinate(from);
+    out.fails = ~((distance < max_grain_coordinate) & (c < max_grain_coordinate));
+    const VDouble overlap = vmin(4.0 * grain_step * c / distance + 1e-6, 1e3);
     out.origin = to_float(from), out.direction = to_float(way);
-    out.tfar = to_float(1.0 + select(length > 0.0, overlap, 0.0));
+    out.tfar = to_float(1.0 + select(distance > 0.0, overlap, 0.0));
 }
 
 } // namespace
@@ -329,7 +328,7 @@ std::vector<uint32_t> ordered_paths(const GrainTracer& tracer, uint64_t first, u
     return order;
 }
 
-GrainState Grains8::state(int lane) const { return {in_lane(x, lane), in_lane(v, lane)}; }
+Vec3d Grains8::velocity(int lane) const { return in_lane(v, lane); }
 
 GrainArcEnd Grains8::arc_end(int lane) const {
     return {in_lane(end_x, lane), end[lane], in_lane(end_v, lane), chords[lane], ArcEnd(at_end[lane]),
@@ -405,10 +404,6 @@ uint32_t set_rays(const GrainTracer& tracer, GrainBatch grains, std::span<RTCRay
         fails |= uint32_t(found.fails[lane] & 1) << k;
     }
     return fails;
-}
-
-double start_of_chord(const Grain& grain, uint32_t chord) {
-    return chord == 0 ? 0.0 : grain.first_chord_time + (chord - 1) * grain.chord_time;
 }
 
 } // namespace marram

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Grains between two events, up to eight at a time: their start, their leaving of sand, and the arc to the next event.
-// Shared by grains.cpp and grain_flight.cpp only. The model is documented in grains.cpp.
+// Grains between two events, up to eight at a time: their start, their leaving of sand, the arc to the next event, and rays
+// along it. Internal to the tracer of grains. The model is documented in grains.cpp.
 #pragma once
 
 #include "core/math/simd.h"
@@ -11,10 +11,6 @@
 #include <span>
 
 namespace marram {
-
-struct GrainState {
-    Vec3d x, v;
-};
 
 enum class ArcEnd : uint8_t { goes_on, lands, leaves, gives_up };
 
@@ -28,13 +24,13 @@ struct GrainArcEnd {
     GrainSide side = GrainSide::downwind; // by which it leaves
 };
 
-// The test of an arc for empty space: a lane of Parabolas8 without t_clear.
+// The test of an arc for empty space: a lane of Parabolas8 without t_clear and gravity.
 struct GrainParabola {
     float x[3], v[3], t_max, min_step, clearance;
 };
 
 // A grain on an arc, which runs from one event to the next if nothing is hit. Between two arcs x, v and normal are those
-// of the event: of a landing, before leave_sand(). Vectors are read together with the number behind them.
+// of the event: of a landing, before leave_sand(). load_four() reads vectors together with the number behind them.
 struct Grain {
     Vec3d x; // at the start of the arc
     double first_chord_time = 0.0;
@@ -65,7 +61,7 @@ struct alignas(64) Grains8 {
     VLong at_end, side;
     Parabolas8 parabolas;
 
-    GrainState state(int lane) const;
+    Vec3d velocity(int lane) const;
     GrainArcEnd arc_end(int lane) const;
     void store_arc(int lane, Grain& to) const; // t_clear too
 };
@@ -89,10 +85,8 @@ void leave_sand(const GrainTracer& tracer, GrainBatch grains, Grains8& g);
 // arcs that are then at their end, or near something.
 uint32_t start_arcs(const GrainTracer& tracer, Grains8& g);
 
-// Rays along the chords that contain grain.t_clear. Returns bits of grains for which there is none: it is too far from the
-// origin, or its chord is too long.
+// Sets `chord` and its ends to the chord that contains grain.t_clear, and rays along them. Returns bits of grains whose ray
+// is not valid: they are too far from the origin, or the chord is too long.
 uint32_t set_rays(const GrainTracer& tracer, GrainBatch grains, std::span<RTCRayHit> rays);
-
-double start_of_chord(const Grain& grain, uint32_t chord);
 
 } // namespace marram

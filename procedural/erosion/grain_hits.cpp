@@ -1,6 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// Ray origins are offset from a surface by the error bound of the hit point: 2 U (c + l q), with U = 2^-23, c
-// the largest coordinate, l the triangle's extent, q = |e1| |e2| / |e1 x e2|, as derived in core/geometry/hit.cpp.
+// Ray origins are offset from a surface by the error bound of the hit point: 2 U (c + l q), with U = 2^-23, c the largest
+// coordinate, l the triangle's longest edge, q = |e1| |e2| / |e1 x e2|, as derived in core/geometry/hit.cpp. q is that of the
+// corner at which Embree begins, which differs between triangles and quads: here that of the two longest edges, the largest.
+// What does not wear has no corners here. Its triangle has twice the area A = |Ng|, so the bound is estimated by
+// 2 U (2 (c + d) + 4 sqrt(A)), d being the length of the ray.
+//
+// Limit: within rounding of the diagonal of a quad (2^-23) the normal can be that of its other triangle.
 #include "procedural/erosion/grain_hits.h"
 
 #include "procedural/erosion/grain_lanes.h"
@@ -37,26 +42,22 @@ void set_lane(Wide3f& to, int lane, float x, float y, float z) {
     to.x[lane] = x, to.y[lane] = y, to.z[lane] = z;
 }
 
-MARRAM_INLINE VDouble largest_coordinate(const Wide3d& p) {
-    return vmax(vmax(vabs(p.x), vabs(p.y)), vabs(p.z));
-}
-MARRAM_INLINE VDouble length(const Wide3d& v) { return vsqrt(dot(v, v)); }
-
-// x and normal. For what does not wear by Embree's hit.
+// x and normal: of the triangle if it wears, else of Embree's hit.
 MARRAM_INLINE void find_place(Hits8& h) {
     const Wide3d way = to_double(h.direction), p0 = to_double(h.corner[0]);
     const Wide3d e1 = to_double(h.corner[1]) - p0, e2 = to_double(h.corner[2]) - p0;
     const Wide3d across = select(h.wears, cross(e1, e2), to_double(h.geometric_normal));
-    const VDouble area = length(across), l1 = length(e1), l2 = length(e2), distance = length(way);
+    const VDouble area = length(across), l1 = length(e1), l2 = length(e2), l3 = length(e2 - e1);
+    const VDouble longest = vmax(vmax(l1, l2), l3), shortest = vmin(vmin(l1, l2), l3), distance = length(way);
     const VLong has_area = area > 0.0;
     h.normal = select(has_area, across, way) * (1.0 / select(has_area, area, vmax(distance, 1e-300)));
     h.normal = h.normal * select(dot(h.normal, way) > 0.0, -1.0, 1.0);
     const Wide3d point =
         select(h.wears, p0 + e1 * h.u + e2 * h.v, to_double(h.origin) + way * to_double(h.tfar));
-    const VDouble sliver = select(has_area, vmin(l1 * l2 / area, largest_sliver), largest_sliver);
-    const VDouble c = largest_coordinate(point);
-    const VDouble error =
-        select(h.wears, c + vmax(l1, l2) * sliver, 2.0 * (c + distance) + 4.0 * vsqrt(area));
+    const VDouble q = l1 * l2 * l3 / (shortest * area); // NaN without area
+    const VDouble sliver = select(has_area, vmin(q, largest_sliver), largest_sliver);
+    const VDouble c = max_coordinate(point);
+    const VDouble error = select(h.wears, c + longest * sliver, 2.0 * (c + distance) + 4.0 * vsqrt(area));
     h.x = point + h.normal * (error * (offset_margin * grain_step));
 }
 
@@ -77,7 +78,7 @@ MARRAM_INLINE void find_arrival(const GrainTracer& tracer, const std::array<cons
 MARRAM_INLINE void find_rebound(const GrainSettings& s, Hits8& h) {
     const Wide3d& n = h.normal;
     const VDouble towards = dot(h.arriving, n);
-    h.sine = vmin(-towards / length(h.arriving), 1.0);
+    h.sine = select(towards < 0.0, vmin(-towards / length(h.arriving), 1.0), 0.0);
     const Wide3d mirrored =
         (h.arriving - n * towards) * splat(s.tangent_restitution) - n * (s.normal_restitution * towards);
     h.rebound = mirrored;
@@ -96,8 +97,8 @@ MARRAM_INLINE void find_rebound(const GrainSettings& s, Hits8& h) {
     h.rebound = select((speed > 0.0) & (size > 1e-6), d * speed, mirrored);
 }
 
-MARRAM_HOT void find_hits(const GrainTracer& tracer, const std::array<const Grain*, lanes>& grains,
-                          Hits8& h) {
+MARRAM_HOT void compute_hits(const GrainTracer& tracer, const std::array<const Grain*, lanes>& grains,
+                             Hits8& h) {
     find_place(h);
     find_arrival(tracer, grains, h);
     find_rebound(tracer.settings, h);
@@ -151,9 +152,9 @@ void find_hits(const GrainTracer& tracer, GrainBatch grains, const std::array<co
                 place.mesh ? place.mesh->mesh.vertices + 3 * size_t(place.corners()[c]) : &ray.org_x;
             set_lane(h.corner[c], lane, p[0], p[1], p[2]);
         }
-        set_keys(tracer, *grains[k], 2 * grains[k]->hits, lane, h.keys);
+        if (tracer.settings.scatter > 0.0) set_keys(tracer, *grains[k], 2 * grains[k]->hits, lane, h.keys);
     }
-    find_hits(tracer, all_lanes_of(grains), h);
+    compute_hits(tracer, all_lanes_of(grains), h);
     for (size_t k = 0; k < grains.size(); ++k) {
         const int lane = int(k);
         hits[k] = {in_lane(h.x, lane), in_lane(h.normal, lane), in_lane(h.arriving, lane),

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Grains that hit surfaces, up to eight at a time: where, how fast, and how they rebound. Shared by grains.cpp and
-// grain_hits.cpp only. The model is documented in grains.cpp.
+// Grains that hit surfaces, up to eight at a time: where, how fast, and how they rebound. Internal to the tracer of grains.
+// The model is documented in grains.cpp.
 #pragma once
 
 #include "procedural/erosion/grain_flight.h"

@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// What grain_flight.cpp and grain_hits.cpp share: grains to lanes, and random numbers and exponentials in lanes.
+// What grain_flight.cpp and grain_hits.cpp share: grains to lanes; lengths, random numbers and exponentials in lanes.
 #pragma once
 
 #include "procedural/erosion/grain_flight.h"
 #include "procedural/erosion/sobol.h"
 
+#include <cstddef>
 #include <cstring>
 
 namespace marram {
@@ -26,7 +27,12 @@ inline std::array<const Grain*, lanes> all_lanes_of(GrainBatch grains) {
     return all;
 }
 
-// To lanes: the vector f(grain) and the number behind it in each of eight grains.
+// To lanes: the vector f(grain) and the number behind it in each of eight grains. These pairs are read:
+static_assert(offsetof(Grain, first_chord_time) == offsetof(Grain, x) + sizeof(Vec3d));
+static_assert(offsetof(Grain, chord_time) == offsetof(Grain, v) + sizeof(Vec3d));
+static_assert(offsetof(Grain, chords_left) == offsetof(Grain, normal) + sizeof(Vec3d));
+static_assert(offsetof(Grain, chord_t0) == offsetof(Grain, acceleration) + sizeof(Vec3d));
+static_assert(offsetof(GrainArcEnd, time) == offsetof(GrainArcEnd, x) + sizeof(Vec3d));
 template <typename F>
 MARRAM_INLINE void load_four(const std::array<const Grain*, lanes>& grains, Wide3d& xyz, VDouble& w, F&& f) {
     for (int half = 0; half < 2; ++half) {
@@ -46,6 +52,11 @@ MARRAM_INLINE void load_four(const std::array<const Grain*, lanes>& grains, Wide
         xyz.z.half[half] = __builtin_shufflevector(a, c, 2, 3, 6, 7);
         w.half[half] = __builtin_shufflevector(b, d, 2, 3, 6, 7);
     }
+}
+
+MARRAM_INLINE VDouble length(const Wide3d& v) { return vsqrt(dot(v, v)); }
+MARRAM_INLINE VDouble max_coordinate(const Wide3d& p) {
+    return vmax(vmax(vabs(p.x), vabs(p.y)), vabs(p.z));
 }
 
 // ---- random numbers ----

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Shared by grains.cpp, grain_flight.cpp and grain_setup.cpp only: the state of a trace.
+// The state of a trace of grains. Internal to the tracer.
 #pragma once
 
 #include "procedural/erosion/empty_space.h"

@@ -63,8 +63,8 @@
 // Owen-scrambled by hashes of the seed. Event k of a path reuses the first two dimensions, scrambled and
 // shuffled by hashes of the seed and k (Burley 2020): sobol.h.
 //
-// Ray origins are offset from a surface by the error bound of the hit point (grain_hits.cpp). Segments overlap by the rounding of their ends, so that no hit is missed between two
-// segments.
+// Ray origins are offset from a surface by the error bound of the hit point, 2 U (c + l q): grain_hits.cpp. Segments
+// overlap by the rounding of their ends, so that no hit is missed between two segments.
 //
 // Limits. Grains do not collide or spin, and have one size; rock does not change during a trace. Meshes are
 // read at their first motion sample.
@@ -110,7 +110,8 @@ struct GrainCounts {
 
 // To the next chord. false: none of the arc is left.
 bool advance_chord(Grain& grain) {
-    const double begin = start_of_chord(grain, ++grain.chord);
+    const double begin = grain.first_chord_time + grain.chord * grain.chord_time; // as in find_rays()
+    ++grain.chord;
     grain.t_clear = float(begin * (1.0 - 0x1p-23)); // not after the begin
     return begin < grain.end.time;
 }
@@ -252,12 +253,12 @@ class GrainWavefront {
 
   private:
     using Slots = std::vector<uint32_t>;
-    struct Hit {
+    struct TracedHit {
         uint32_t slot;
         const RTCRayHit* ray;
         WornPlace place;
     };
-    static constexpr uint32_t all_used = (1U << lanes) - 1U;
+    static constexpr uint32_t all_used = (1U << lanes) - 1U, whole_batch = all_used;
 
     // Grains on arcs into free lanes.
     void fill_lanes() {
@@ -315,8 +316,8 @@ class GrainWavefront {
         for (Grain* grain : batch) grain->path = paths_[next_++], grain->hits = grain->landings = 0;
         marram::emit_grains(tracer_, batch, states_);
         for (size_t k = 0; k < count; ++k)
-            counts_.started += batch[k]->energy = grain_quanta(grain_energy(states_.state(int(k)).v));
-        fly(batch, all_used);
+            counts_.started += batch[k]->energy = grain_quanta(grain_energy(states_.velocity(int(k))));
+        fly(batch, whole_batch);
     }
 
     void leave_sand() {
@@ -325,7 +326,7 @@ class GrainWavefront {
         marram::leave_sand(tracer_, batch, states_);
         uint32_t leave = 0;
         for (size_t k = 0; k < batch.size(); ++k) {
-            if (count_landing(tracer_, counts_, *batch[k], states_.state(int(k)).v))
+            if (count_landing(tracer_, counts_, *batch[k], states_.velocity(int(k))))
                 leave |= 1U << k;
             else
                 free_.push_back(batch_slots_[k]);
@@ -336,7 +337,7 @@ class GrainWavefront {
     void start_arcs() {
         const GrainBatch batch = take(starting_);
         load_grains(batch, states_);
-        fly(batch, all_used);
+        fly(batch, whole_batch);
     }
 
     // Grains of `states_`. Most arcs from sand end in their first or second step: only what goes on is stored.
@@ -384,6 +385,7 @@ class GrainWavefront {
             }
         }
     }
+
     void trace_rays() {
         const std::span<RTCRayHit> rays = std::span(rays_).first(ray_queue_.size());
         if (tracer_.hooks.rays) tracer_.hooks.rays(rays);
@@ -409,7 +411,7 @@ class GrainWavefront {
         ray_queue_.clear();
     }
 
-    void handle_hits(std::span<const Hit> batch) {
+    void handle_hits(std::span<const TracedHit> batch) {
         std::array<const RTCRayHit*, lanes> rays;
         std::array<WornPlace, lanes> places;
         for (size_t k = 0; k < batch.size(); ++k)
@@ -427,7 +429,7 @@ class GrainWavefront {
     size_t next_ = 0; // of them
     std::vector<Grain> grains_;
     std::vector<RTCRayHit> rays_;
-    std::vector<Hit> hits_;
+    std::vector<TracedHit> hits_;
     Slots free_, landing_, starting_, flying_, near_, ray_queue_;
     Grains8 states_{};
     std::array<Grain*, lanes> batch_{};

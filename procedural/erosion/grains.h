@@ -25,7 +25,9 @@ struct WornMesh {
     size_t vertex_count = 0;
     const uint32_t* triangles = nullptr; // 3 per triangle, in the order of the scene
     size_t triangle_count = 0;
-    bool quads = false; // in the scene each two triangles a b c and a c d are one of Embree's quads, d a b c
+    // In the scene each two triangles a b c and a c d are one of Embree's quads, d a b c. Must agree with the scene: otherwise
+    // other triangles wear than those that are hit.
+    bool quads = false;
 };
 
 struct GrainSettings {

@@ -36,12 +36,14 @@ inline GrainShape grain_plate(const Vec3d& corner, const Vec3d& u, const Vec3d& 
     return shape;
 }
 
-inline GrainShape grain_sphere(const Vec3d& centre, double radius, uint32_t rings) {
+// twist: by this many sides from ring to ring. At -1 the diagonals of the quads run along the meridians.
+inline GrainShape grain_sphere(const Vec3d& centre, double radius, uint32_t rings, uint32_t sides = 0,
+                               double twist = 0.0) {
     GrainShape shape;
-    const uint32_t sides = 2 * rings;
+    if (sides == 0) sides = 2 * rings;
     for (uint32_t j = 0; j <= rings; ++j)
         for (uint32_t i = 0; i < sides; ++i) {
-            const double a = pi * j / rings, b = 2.0 * pi * i / sides;
+            const double a = pi * j / rings, b = 2.0 * pi * (i + twist * j) / sides;
             shape.add(centre +
                       radius * Vec3d(std::sin(a) * std::cos(b), std::cos(a), std::sin(a) * std::sin(b)));
         }
@@ -74,8 +76,8 @@ class GrainScene {
         rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3,
                                    kept.vertices.data(), 0, 12, vertices);
         if (quads) {
-            auto* to = static_cast<uint32_t*>(rtcSetNewGeometryBuffer(
-                geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT4, 16, triangles / 2));
+            auto* to = static_cast<uint32_t*>(rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0,
+                                                                      RTC_FORMAT_UINT4, 16, triangles / 2));
             for (size_t t = 0; t + 1 < triangles; t += 2)
                 for (const size_t c : {5, 0, 1, 2}) *to++ = kept.triangles[3 * t + c];
         } else {

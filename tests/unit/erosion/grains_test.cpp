@@ -357,7 +357,29 @@ TEST(Grains, QuadsWearAsTheirTriangles) {
         return apart / sum;
     };
     EXPECT_LT(difference(&GrainResult::vertices), 1e-4);
-    EXPECT_LT(difference(&GrainResult::triangles), 1e-3); // hits near an edge may be those of its other triangle
+    EXPECT_LT(difference(&GrainResult::triangles),
+              1e-3); // hits near an edge may be those of its other triangle
+}
+
+// Quads whose diagonal is a thousandth of their edges, far from the origin in units of it: rays leave them on their outer
+// side, or grains would be caught inside.
+TEST(Grains, LeaveSqueezedQuadsOutside) {
+    std::array<GrainReport, 2> reports;
+    for (const bool quads : {false, true}) {
+        GrainScene scene;
+        const unsigned id = scene.add(grain_sphere({3.0, 0.6, -4.0}, 0.5, 4000, 8, -1.0), quads);
+        scene.commit();
+        WornMesh mesh = scene.worn(id);
+        mesh.quads = quads;
+        GrainSettings s;
+        s.paths = 1 << 15;
+        reports[quads] = traced(scene, mesh, s).report;
+        expect_accounts(reports[quads]);
+        EXPECT_EQ(reports[quads].given_up, 0U);
+        EXPECT_GT(reports[quads].worn_hits, 9000U);
+    }
+    EXPECT_NEAR(double(reports[1].worn_hits), double(reports[0].worn_hits),
+                0.002 * double(reports[0].worn_hits));
 }
 
 TEST(Grains, ScaleAndPlaceDoNotMatter) {

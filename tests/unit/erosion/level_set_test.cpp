@@ -198,6 +198,16 @@ TEST(LevelSet, IsTheSameForAnyNumberOfThreads) {
     EXPECT_EQ(one.triangles, two.triangles);
 }
 
+TEST(LevelMesh, HasQuadsIfAllTrianglesArePairs) {
+    LevelMesh mesh;
+    mesh.triangles = {0, 1, 2, 0, 2, 3, 3, 2, 4, 3, 4, 5};
+    EXPECT_TRUE(has_quads(mesh));
+    mesh.triangles[9] = 4, mesh.triangles[10] = 5, mesh.triangles[11] = 3; // the last pair, turned
+    EXPECT_FALSE(has_quads(mesh));
+    mesh.triangles.resize(9);
+    EXPECT_FALSE(has_quads(mesh));
+}
+
 TEST(LevelSet, RefusesMeshesThatAreNoRock) {
     const LevelMesh ball = rock_sphere(Vec3d::Zero(), 1.0, 20);
     const auto refused = [](const LevelMesh& mesh, double voxel, const char* why) {

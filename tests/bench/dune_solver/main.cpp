@@ -11,12 +11,16 @@
 //     dune_solver kinds [DIR]   a heap in one wind, in two, in five: barchan, seif, star; pictures to DIR
 //     dune_solver convergence   one dune with cells of 2, 1 and 1/2 m, and the grid turned by 45 degrees
 //     dune_solver turned cell   one dune, the grid turned by 0, 15, 30, 45 degrees
+//     dune_solver conservation [n]  sand after n steps (10,000), on one thread and on two, where the run is saved and
+//                               resumed at ten random steps
 //     dune_solver picture out.pgm hours u* [degrees]
 #include "tests/bench/dune_solver/kinds.h"
 #include "tests/bench/dune_solver/picture.h"
 #include "tests/unit/terrain/solver/dune_waves.h"
 
 #include "core/math/hash.h"
+
+#include <tbb/global_control.h>
 
 #include <algorithm>
 #include <array>
@@ -25,6 +29,7 @@
 #include <cstdlib>
 #include <cstring>
 #include <ctime>
+#include <tuple>
 
 namespace marram {
 namespace {
@@ -405,6 +410,65 @@ void print_turned(double cell) {
     }
 }
 
+// Heaps in winds across each other.
+void print_conservation(int64_t steps) {
+    const Domain domain{95, 78, 1.0, 0.0, 0.0}; // no multiples of the vector width
+    const std::vector<float> rock(domain.count(), 0.0F);
+    std::vector<SandUnits> start(domain.count());
+    for (int j = 0; j < domain.nz; ++j)
+        for (int i = 0; i < domain.nx; ++i)
+            start[domain.index(i, j)] = sand_units(std::max(
+                0.0, 2.5 * std::sin(0.13 * i) * std::cos(0.11 * j) + 0.4 * std::sin(0.7 * i + 0.3 * j)));
+    const WindHistory wind = wind_sequence({{{1.0, 0.0, 0.4}, 3.0 * seconds_per_hour},
+                                            {{-0.3, 0.9, 0.5}, 2.0 * seconds_per_hour},
+                                            {{0.7, -0.7, 0.1}, seconds_per_hour},
+                                            {{0.8, -0.7, 0.6}, seconds_per_hour}});
+    const auto sum = [](const std::vector<SandUnits>& sand) {
+        SandUnits all = 0;
+        for (const SandUnits units : sand) all += units;
+        return all;
+    };
+    const auto fields = [](const DuneState& s) {
+        return std::tie(s.sand, s.height_before, s.plant_height, s.seam_flux, s.airborne, s.seam_direction,
+                        s.seam_saturated, s.time, s.step_before, s.step_allowed, s.steps, s.in, s.out);
+    };
+    std::printf("conservation, in units of sand: bed + airborne + out - in against the bed at the start\n");
+    std::printf("%10s %8s %10s %20s %20s %20s %12s %16s\n", "border", "steps", "hours", "bed at start", "in",
+                "out", "difference", "resumed, threads");
+    for (const auto& [border, name] : {std::pair{DuneBorder::periodic, "periodic"},
+                                       {DuneBorder::open, "open"},
+                                       {DuneBorder::walled, "walled"}}) {
+        DuneSolverSettings settings;
+        settings.border = border, settings.influx = 0.3;
+        std::array<DuneState, 2> ends;
+        for (const bool resumes : {false, true}) {
+            const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, resumes ? 2 : 1);
+            std::vector<int64_t> stops{steps};
+            for (uint64_t k = 0; resumes && k < 10; ++k)
+                stops.push_back(int64_t(unit_double(hash(11, k)) * double(steps)));
+            std::sort(stops.begin(), stops.end());
+            DuneState state;
+            for (size_t part = 0; part < stops.size(); ++part) {
+                DuneSolver solver(domain, settings, rock.data(), start.data());
+                if (part > 0) solver.restore(state);
+                solver.advance(wind, infinity, {.cancelled = [&] { return solver.steps() >= stops[part]; }});
+                state = solver.save();
+                if (part + 1 < stops.size()) continue;
+                std::vector<SandUnits> sand(start.size());
+                solver.sand(sand);
+                if (!resumes)
+                    std::printf(
+                        "%10s %8lld %10.1f %20lld %20lld %20lld %12lld", name, (long long)solver.steps(),
+                        solver.time() / seconds_per_hour, (long long)sum(start), (long long)solver.in(),
+                        (long long)solver.out(),
+                        (long long)(sum(sand) + solver.airborne() + solver.out() - solver.in() - sum(start)));
+                ends[resumes] = state;
+            }
+        }
+        std::printf(" %16s\n", fields(ends[0]) == fields(ends[1]) ? "the same bits" : "DIFFERENT");
+    }
+}
+
 bool picture(const char* path, double hours, double shear_velocity, double degrees) {
     const Domain domain{256, 256, 1.0, 0.0, 0.0};
     const std::vector<float> rock(domain.count(), 0.0F);
@@ -448,6 +512,8 @@ int main(int argc, char** argv) {
         marram::print_ridges(argc > 2 ? std::atof(argv[2]) : marram::ShearCoefficients().out_of_phase);
     else if (is("turned") && argc > 2)
         marram::print_turned(std::atof(argv[2]));
+    else if (is("conservation"))
+        marram::print_conservation(argc > 2 ? std::atoll(argv[2]) : 10000);
     else if (is("picture") && argc > 4)
         return marram::picture(argv[2], std::atof(argv[3]), std::atof(argv[4]),
                                argc > 5 ? std::atof(argv[5]) : 0.0)
@@ -457,7 +523,7 @@ int main(int argc, char** argv) {
         std::puts(
             "dune_solver waves | speed | barchans [COUNT] [U*] [B] | ridges [B] | directions | fingers [DIR] "
             "| kinds [DIR] | convergence "
-            "| turned CELL "
+            "| turned CELL | conservation [STEPS] "
             "| picture OUT.pgm "
             "HOURS U* [DEGREES]");
         return 2;

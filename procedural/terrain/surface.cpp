@@ -10,7 +10,10 @@ namespace marram {
 namespace {
 
 constexpr size_t own_attribute_count = 2; // before the masks
-constexpr std::array attribute_help = {"thickness of the sand, m", "steepness, deg", "a mask of its layers"};
+constexpr std::array attribute_help = {
+    "thickness of the sand, m; below 0 where its edge lies between this vertex and the next",
+    "steepness, deg", "a mask of its layers"};
+constexpr double thin_slope = 0.01; // sand thinner than this times a cell is dust: no dune ends so flat
 
 bool makes_ripples(const Values& values) {
     for (int layer = 0; layer < layer_count(values); ++layer) {
@@ -71,6 +74,32 @@ double slope_at(const TerrainInstance& instance, int i, int j) {
     return std::atan(gradient_at(instance, i, j).norm()) / degree;
 }
 
+// The thickness of the sand, metres. Interpolation of thicknesses draws the edge of a dune as a staircase of cells:
+// it ends at the first bare sample, wherever between the samples the edge is. So a bare sample beside sand has the
+// value at which the interpolated thickness is 0 at the edge: the height of the surface, extrapolated from the sand
+// around it, minus the rock's (exact for plane surfaces). Continuous in the thicknesses of all samples.
+double sand_at(const TerrainInstance& instance, const Fields& fields, int i, int j) {
+    const Domain& d = instance.domain;
+    const size_t here = d.index(i, j);
+    const double thickness = sand_metres(fields.sand[here]), thin = thin_slope * d.cell;
+    if (thickness >= thin) return thickness;
+    double sum = 0.0, weights = 0.0;
+    for (int dj = -1; dj <= 1; ++dj)
+        for (int di = -1; di <= 1; ++di) {
+            const int i1 = i + di, j1 = j + dj, i2 = i1 + di, j2 = j1 + dj;
+            if (std::min(i2, j2) < 0 || i2 >= d.nx || j2 >= d.nz) continue;
+            const size_t next = d.index(i1, j1), second = d.index(i2, j2);
+            const double nearness = di != 0 && dj != 0 ? 0.5 : 1.0;
+            const double weight =
+                nearness * std::clamp(sand_metres(fields.sand[next]) / thin - 1.0, 0.0, 1.0);
+            if (!(weight > 0.0)) continue;
+            const double surface = 2.0 * fields.height(next) - fields.height(second);
+            sum += weight * std::min(surface - double(fields.bedrock[here]), 0.0);
+            weights += weight;
+        }
+    return weights > 0.0 ? thickness + (1.0 - thickness / thin) * sum / weights : thickness;
+}
+
 std::vector<const float*> mask_values(const TerrainInstance& instance, const Fields& fields) {
     std::vector<const float*> values;
     for (size_t a = own_attribute_count; a < first_ripples_attribute(instance); ++a) {
@@ -99,7 +128,7 @@ void write_attribute(const TerrainInstance& instance, uint32_t attribute, std::s
     const auto value = [&](size_t sample) {
         if (mask) return mask[sample];
         const int i = int(sample % size_t(instance.domain.nx)), j = int(sample / size_t(instance.domain.nx));
-        return attribute == 0 ? float(sand_metres(fields.sand[sample])) : float(slope_at(instance, i, j));
+        return float(attribute == 0 ? sand_at(instance, fields, i, j) : slope_at(instance, i, j));
     };
     marram::parallel_for(tbb::blocked_range<size_t>(0, count, 4096), [&](const auto& range) {
         for (size_t k = range.begin(); k < range.end(); ++k) out[k] = value(samples.empty() ? k : samples[k]);

@@ -24,8 +24,9 @@
 //     type = "dune"                   # sand above
 //     along = "ridge"
 //
-// Outputs for grooms, shaders, image layers and bake: the attributes sand (m), slope (deg) and every mask,
-// and grids of sand, masks, bedrock and height. A ripples layer adds the attributes ripples and ripple_wave
+// Outputs for grooms, shaders, image layers and bake: the attributes sand (m; negative beside its edge, so that the
+// edge can lie between samples: surface.cpp), slope (deg) and every mask, and grids of sand, masks, bedrock and
+// height. A ripples layer adds the attributes ripples and ripple_wave
 // (ripples.cpp). The uv square covers the terrain, u along +x and v along -z, so that a texture lies as the
 // layer "image" reads it.
 //
@@ -179,7 +180,9 @@ void list_grids(TerrainInstance& instance) {
     const Fields fields = instance.stack->fields();
     const Domain& d = instance.domain;
     instance.grid_values.assign(1, std::vector<float>(d.count()));
-    write_attribute(instance, 0, {}, instance.grid_values[0].data());
+    marram::parallel_for(size_t(0), d.count(), [&](size_t sample) {
+        instance.grid_values[0][sample] = float(sand_metres(fields.sand[sample]));
+    });
     instance.grid_names = {"height", "bedrock", "sand"};
     for (size_t a = 2; a < first_ripples_attribute(instance); ++a) // masks
         instance.grid_names.push_back(instance.attribute_names[a]);

@@ -53,7 +53,9 @@ void expect_all(const std::vector<float>& values, float expected) {
 
 // An EXR of one channel beside the scene.
 struct ImageFile {
-    fs::path path = fs::temp_directory_path() / ("marram_terrain_" + std::to_string(::getpid()) + ".exr");
+    inline static int count = 0;
+    fs::path path = fs::temp_directory_path() /
+                    ("marram_terrain_" + std::to_string(::getpid()) + "_" + std::to_string(++count) + ".exr");
     ImageFile(int width, int height, const std::vector<float>& pixels,
               std::vector<std::string> channels = {"Y"}) {
         const Layer layers[] = {{"", std::move(channels), pixels.data(), false}};
@@ -98,6 +100,42 @@ TEST(Terrain, CombinesAsAsked) {
     EXPECT_EQ(sand("height = 1.5\ncombine = \"smooth_maximum\"\nsmooth = 0.25"), 2.0F);
     EXPECT_NEAR(sand("height = 2\ncombine = \"smooth_maximum\"\nsmooth = 1"), 2.0 + 0.25 / 1.5, 1e-6)
         << "1 / k = 1 + 1 / 4 + 1 / 4";
+}
+
+TEST(Terrain, SandEndsBetweenSamples) {
+    // Plane sand on plane rock, so its edge is a straight line; 65 x 49 pixels whose centres are the samples.
+    const auto rock = [](double x, double z) { return 0.1 * x + 0.3 * z; };
+    const auto thickness = [](double x, double z) { return 0.2 * x + 0.083 * z + 0.031; };
+    std::vector<float> rock_pixels, sand_pixels;
+    for (int j = 0; j < 49; ++j)
+        for (int i = 0; i < 65; ++i) {
+            const double x = 0.5 * i - 16.0, z = 0.5 * j - 12.0;
+            rock_pixels.push_back(float(rock(x, z)));
+            sand_pixels.push_back(float(std::max(thickness(x, z), 0.0)));
+        }
+    const ImageFile rock_file(65, 49, rock_pixels), sand_file(65, 49, sand_pixels);
+    const auto image = [](const ImageFile& file, const std::string& target) {
+        return layer("image", "size = [32.5, 24.5]\nrange = [0, 1]\ntarget = \"" + target + "\"\nfile = \"" +
+                                  file.path.string() + "\"");
+    };
+    const Made made = make(desert(image(rock_file, "bedrock") + image(sand_file, "sand")));
+    const std::vector<float>& sand = made.values("sand");
+    int edges = 0;
+    for (int j = 2; j < 47; ++j)
+        for (int i = 2; i < 62; ++i) {
+            const float here = sand[size_t(j * 65 + i)], next = sand[size_t(j * 65 + i + 1)];
+            const double x = 0.5 * i - 16.0, z = 0.5 * j - 12.0;
+            if (thickness(x, z) >= 0.0) {
+                ASSERT_NEAR(here, thickness(x, z), 1e-6);
+                continue;
+            }
+            ASSERT_LE(here, 0.0F);
+            if (next <= 0.02F) continue; // dust is not extrapolated
+            ++edges;
+            ASSERT_NEAR(here / (here - next), -thickness(x, z) / 0.2 / 0.5, 1e-4) << "of a cell";
+        }
+    EXPECT_GT(edges, 30);
+    for (const float v : made.grid("sand").values) ASSERT_GE(v, 0.0F);
 }
 
 TEST(Terrain, MasksAreRampsOverWhatIsBelow) {

@@ -54,9 +54,9 @@
 // moves more slowly than plants grow at its horns becomes a parabolic dune; a faster one stays bare. The
 // growth is exact for steady ground.
 //
-// Cost: 2 cores, 35 to 42 ns a cell and step from 256^2 to 4096^2 (build/dune_solver speed). Memory: 60 bytes
-// a cell, 4 more with plants, 16 more if they grow, 12 more with wakes (16 if they grow),
-// 28 more with a wind field.
+// Cost and memory: build/dune_solver speed (figures dune_step and dune_memory of tests/README.md). Of the memory 60
+// bytes a cell are arrays; 4 more with plants, 16 more if they grow, 12 more with wakes (16 if they grow), 28 more
+// with a wind field.
 #include "procedural/terrain/solver/solver.h"
 
 #include "core/math/clock.h"

@@ -94,7 +94,7 @@ TEST(Limits, LittleMemoryIsOneLine) {
     const Folder folder;
     const std::string scene = folder.write("a.toml", SceneText()), picture = folder / "a.exr";
     int loader = 0, refused = 0, done = 0;
-    for (size_t mega = 300; mega < 1500 && done < 3; mega += 4) {
+    for (size_t mega = 300; mega < 1500 && done < 3; mega += 6) {
         const ProgramResult outcome =
             limited<RLIMIT_AS>({"render", scene, "-o", picture, "--quiet"}, mega << 20);
         if (outcome.code == 127) { // a shared library did not fit

@@ -26,7 +26,8 @@
 //
 // Time and cost. A time step costs about 40 ns a sample on two cores (build/dune_solver speed). It is seconds
 // to hours long: shorter for finer cells (with the square of the cell) and stronger wind, and set by `stability`.
-// The report has the number of steps. `marram measure` shows time against error for cell and stability.
+// The report has the number of steps. `marram measure` shows time against error for cell, stability
+// and shear_resolution.
 //
 // States. A host that prepares frames stores a state every `keep_every` frames and one at each requested
 // frame; a later frame continues from the latest one. Each whole frame ends a time step, so a frame is
@@ -294,6 +295,9 @@ constexpr std::array dune_solver_values = {
     MarramParam{"stability", MARRAM_NUMBER, "", "0.5", 0.001, 1, "",
                 "time step, as a share of the time scale of the fastest wave; beyond 1 waves would grow",
                 "1|0.5|0.25|0.125", "seconds.procedural_meshes"},
+    MarramParam{"shear_resolution", MARRAM_NUMBER, "", "1", 0.01, 1, "",
+                "of the wind's stress: waves along the wind shorter than 2 cells over this make none",
+                "0.25|0.5|0.75|1", "seconds.procedural_meshes"},
     MarramParam{"keep_every", MARRAM_INTEGER, "frames", "10", 1, 1e6, "",
                 "a state is stored every so many frames"},
     MarramParam{"seed", MARRAM_INTEGER, "", "0", 0, 2147483647, "", "of chaotic wind"},
@@ -404,6 +408,7 @@ std::unique_ptr<TerrainLayer> make_dune_solver(const LayerContext& context) {
                                                : DuneBorder::periodic;
     run.settings.influx = values.number("influx");
     run.settings.stability = values.number("stability");
+    run.settings.shear_resolution = values.number("shear_resolution");
     run.settings.avalanche.starts = values.number("repose") * degree;
     run.settings.avalanche.stops = run.settings.avalanche.starts - degree;
     double known = 0.0;

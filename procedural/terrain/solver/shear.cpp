@@ -28,6 +28,9 @@
 // imaginary part. At the Nyquist wave numbers, whose sign is undefined, the response is the mean of both
 // signs. The mean of the surface has no effect.
 //
+// Resolution. Below 1, waves across the rows that are shorter than 2 cells / resolution are left out: neither
+// transformed along the rows nor multiplied.
+//
 // Error: floats; 1e-6 of the greatest stress. Linear theory holds for slopes up to about 20 degrees.
 // Cost: 1.5 complex transforms in two dimensions. Memory: 16 bytes a cell.
 #include "procedural/terrain/solver/shear.h"
@@ -39,6 +42,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstring>
 
 namespace marram {
@@ -92,6 +96,7 @@ MARRAM_HOT void shear_forward(const Transform& transform, const float* surface, 
 struct ShearWaves {
     double row, column;           // unit vector of the wind
     double row_step, column_step; // wave numbers
+    float row_limit;              // greatest wave number
     float in_phase, out_of_phase, cross;
     float scale; // normalization of the transforms
 };
@@ -104,7 +109,8 @@ MARRAM_INLINE ShearResponse shear_response(const ShearWaves& waves, VFloat k_row
     const float w_row = float(waves.row), w_column = float(waves.column);
     const VFloat along = w_row * k_row + w_column * k_column, side = w_row * k_column - w_column * k_row;
     const VFloat square = along * along + side * side, none = splat_float(0.0F);
-    const VFloat g = square > 0.0F ? waves.scale * along / vsqrt(square) : none;
+    const VFloat g =
+        (square > 0.0F) & (k_row <= waves.row_limit) ? waves.scale * along / vsqrt(square) : none;
     const VFloat b = along > 0.0F ? none + waves.out_of_phase : none - waves.out_of_phase;
     const VFloat re = g * (waves.in_phase * h.re - b * h.im), im = g * (waves.in_phase * h.im + b * h.re);
     const VFloat s = waves.cross * side;
@@ -165,6 +171,7 @@ MARRAM_HOT void shear_inverse(const Transform& transform, const WideComplex* alo
             }
         }
     }
+    for (size_t k = 8 * blocks; k + 8 * blocks <= n; ++k) data[k] = WideComplex{};
     const WideComplex* z = transform.run(data, scratch);
     for (size_t j = 0; j < keep; ++j) {
         vstore(out_along + j * pitch, z[j].im);
@@ -174,9 +181,11 @@ MARRAM_HOT void shear_inverse(const Transform& transform, const WideComplex* alo
 
 } // namespace
 
-Shear::Shear(int rows, int columns, double cell)
-    : rows_(rows), columns_(columns), cell_(cell), blocks_(size_t(rows / 2 + 1 + lanes - 1) / lanes),
-      spectrum_(blocks_ * size_t(columns)), across_(blocks_ * size_t(columns)) {}
+Shear::Shear(int rows, int columns, double cell, double resolution)
+    : rows_(rows), columns_(columns), cell_(cell),
+      waves_(std::clamp(int(std::lround(resolution * 0.5 * rows)), std::min(rows / 2, 1), rows / 2)),
+      blocks_(size_t(waves_ + 1 + lanes - 1) / lanes), spectrum_(blocks_ * size_t(columns)),
+      across_(blocks_ * size_t(columns)) {}
 
 void Shear::forward(const float* surface) {
     const size_t columns = size_t(columns_.size()), n = size_t(rows_.size());
@@ -197,6 +206,7 @@ void Shear::convolve(const ShearCoefficients& coefficients, double wind_row, dou
                               wind_column,
                               step / rows_.size(),
                               step / columns_.size(),
+                              float(step / rows_.size() * (waves_ + 0.5)),
                               float(coefficients.in_phase),
                               float(coefficients.out_of_phase),
                               float(coefficients.cross),

@@ -18,7 +18,9 @@ struct ShearCoefficients {
 // Grids are rows of `columns` floats, `pitch(columns)` apart.
 class Shear {
   public:
-    Shear(int rows, int columns, double cell);
+    // `resolution`, above 0 to 1: of the wave numbers along a column, the share that makes stress: those with a
+    // wavelength of at least 2 cells / resolution. The others take no time.
+    Shear(int rows, int columns, double cell, double resolution = 1.0);
 
     int rows() const { return rows_.size(); }
     int columns() const { return columns_.size(); }
@@ -41,6 +43,7 @@ class Shear {
 
     Transform rows_, columns_; // along a column (over rows), along a row
     double cell_;
+    int waves_;     // greatest wave number along a column
     size_t blocks_; // of eight wave numbers
     WideVector<WideComplex> spectrum_, across_;
 };

@@ -188,6 +188,8 @@ std::string DuneSolver::problem(const Domain& domain, const DuneSolverSettings& 
         if (!(field.strength[k] >= 0.0F) || !(field.strength[k] <= 10.0F))
             return "the wind field's strength is not 0 to 10";
     }
+    if (!(settings.shear_resolution > 0.0) || !(settings.shear_resolution <= 1.0))
+        return "the resolution of the shear must be above 0, to 1";
     if (!(settings.influx >= 0.0) || !(settings.influx <= 1.0)) return "influx must be 0 to 1";
     if (!(settings.separation.lee > 0.0) || !(settings.separation.windward > 0.0) ||
         !(settings.separation.steepest > settings.separation.lee / 1.5))
@@ -302,7 +304,8 @@ void DuneSolver::envelope() {
     std::unique_ptr<Shear>& shear = shear_[transposed_ ? 1 : 0];
     if (!shear)
         shear = std::make_unique<Shear>(periodic ? rows_ : solver_padded(rows_),
-                                        periodic ? columns_ : solver_padded(columns_), domain_.cell);
+                                        periodic ? columns_ : solver_padded(columns_), domain_.cell,
+                                        settings_.shear_resolution);
     const int rows = shear->rows(), columns = shear->columns();
     const size_t wide = size_t(Shear::pitch(columns));
     envelope_reach_.resize(std::max(envelope_reach_.size(), wide * size_t(rows) + solver_slack));

@@ -36,6 +36,7 @@ struct DuneSolverSettings {
     PlantGrowth growth;
     DuneBorder border = DuneBorder::periodic;
     double influx = 0.0;            // through open borders, as a fraction of the saturated flux; 0 to 1
+    double shear_resolution = 1.0;  // above 0 to 1: see shear.h
     double stability = 0.5;         // time step, as a fraction of the fastest wave's time scale
     double longest_step = infinity; // seconds
 };

@@ -230,7 +230,7 @@ start = 0
         marram({"measure", scene, "--out", folder / "report", "--seconds", "1000", "--rounds", "1"});
     EXPECT_EQ(done.code, 0) << done.err;
     const auto dials = rows_by_dial(read_file(folder / "report/measure.csv"));
-    for (const std::string name : {"cell", "dune_solver.stability"}) {
+    for (const std::string name : {"cell", "dune_solver.stability", "dune_solver.shear_resolution"}) {
         SCOPED_TRACE(name);
         ASSERT_TRUE(dials.contains(name)) << done.out;
         const std::vector<Row>& rows = dials.at(name);

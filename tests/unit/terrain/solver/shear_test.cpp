@@ -95,6 +95,34 @@ TEST(DuneShear, WavesHaveTheStressOfTheFormula) {
     }
 }
 
+// Half the resolution of 64 rows is 16 waves: what is longer has the stress that it has alone at full resolution.
+TEST(DuneShear, WavesBelowItsResolutionMakeNone) {
+    constexpr int rows = 64, columns = 40;
+    const size_t pitch = size_t(Shear::pitch(columns));
+    Shear whole(rows, columns, 0.7), half(rows, columns, 0.7, 0.5);
+    std::vector<float> slow(pitch * rows), both(slow.size());
+    const auto wave = [](int a, int b, int row, int column) {
+        return float(0.1 *
+                     std::cos(2.0 * pi * (double(row * a) / rows + double(column * b) / columns) + 0.4));
+    };
+    for (int a = 0; a < rows; ++a)
+        for (int b = 0; b < columns; ++b) {
+            const size_t at = size_t(a) * pitch + size_t(b);
+            slow[at] = wave(a, b, 3, 1) + wave(a, b, 16, -2) + wave(a, b, -9, 15);
+            both[at] = slow[at] + wave(a, b, 17, 3) + wave(a, b, -29, 0) + wave(a, b, 32, 5);
+        }
+    std::vector<float> along(slow.size()), across(slow.size()), half_along(slow.size()),
+        half_across(slow.size());
+    whole.perturbation({}, 0.8, 0.6, slow.data(), rows, columns, along.data(), across.data());
+    half.perturbation({}, 0.8, 0.6, both.data(), rows, columns, half_along.data(), half_across.data());
+    for (int a = 0; a < rows; ++a)
+        for (int b = 0; b < columns; ++b) {
+            const size_t at = size_t(a) * pitch + size_t(b);
+            ASSERT_NEAR(half_along[at], along[at], 1e-5);
+            ASSERT_NEAR(half_across[at], across[at], 1e-5);
+        }
+}
+
 TEST(SpeedDuneShear, Printed) {
     for (const int n : {256, 512, 1024, 2048}) {
         Shear shear(n, n, 1.0);

@@ -296,7 +296,9 @@ constexpr std::array dune_solver_values = {
                 "time step, as a share of the time scale of the fastest wave; beyond 1 waves would grow",
                 "1|0.5|0.25|0.125", "seconds.procedural_meshes"},
     MarramParam{"shear_resolution", MARRAM_NUMBER, "", "1", 0.01, 1, "",
-                "of the wind's stress: waves along the wind shorter than 2 cells over this make none",
+                "of the wind's stress: waves along the grid's axis nearest to the wind that are shorter than "
+                "2 cells over "
+                "this make none",
                 "0.25|0.5|0.75|1", "seconds.procedural_meshes"},
     MarramParam{"keep_every", MARRAM_INTEGER, "frames", "10", 1, 1e6, "",
                 "a state is stored every so many frames"},

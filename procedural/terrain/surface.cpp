@@ -11,9 +11,10 @@ namespace {
 
 constexpr size_t own_attribute_count = 2; // before the masks
 constexpr std::array attribute_help = {
-    "thickness of the sand, m; below 0 where its edge lies between this vertex and the next",
-    "steepness, deg", "a mask of its layers"};
-constexpr double thin_slope = 0.01; // sand thinner than this times a cell is dust: no dune ends so flat
+    "thickness of the sand, m; below 0 beside sand, so that its edge lies between vertices", "steepness, deg",
+    "a mask of its layers"};
+// Sand thinner than a hundredth of a cell is dust: no dune ends so flat. On coarse grids, thinner than 2 cm.
+constexpr double thin_slope = 0.01, thin_most = 0.02;
 
 bool makes_ripples(const Values& values) {
     for (int layer = 0; layer < layer_count(values); ++layer) {
@@ -77,27 +78,31 @@ double slope_at(const TerrainInstance& instance, int i, int j) {
 // The thickness of the sand, metres. Interpolation of thicknesses draws the edge of a dune as a staircase of cells:
 // it ends at the first bare sample, wherever between the samples the edge is. So a bare sample beside sand has the
 // value at which the interpolated thickness is 0 at the edge: the height of the surface, extrapolated from the sand
-// around it, minus the rock's (exact for plane surfaces). Continuous in the thicknesses of all samples.
+// around it, minus the rock's (exact for plane surfaces). Dust blends into it, so it is continuous in the thicknesses
+// of all samples. Samples at the terrain's border are extrapolated only from the inside.
 double sand_at(const TerrainInstance& instance, const Fields& fields, int i, int j) {
     const Domain& d = instance.domain;
     const size_t here = d.index(i, j);
-    const double thickness = sand_metres(fields.sand[here]), thin = thin_slope * d.cell;
+    const double thickness = sand_metres(fields.sand[here]), thin = std::min(thin_slope * d.cell, thin_most);
     if (thickness >= thin) return thickness;
+    const auto beyond_dust = [&](size_t sample) { // 0 for dust, 1 for sand of twice its thickness
+        return std::clamp(sand_metres(fields.sand[sample]) / thin - 1.0, 0.0, 1.0);
+    };
+    constexpr double diagonal = 0.5; // weight of a neighbour
     double sum = 0.0, weights = 0.0;
     for (int dj = -1; dj <= 1; ++dj)
         for (int di = -1; di <= 1; ++di) {
             const int i1 = i + di, j1 = j + dj, i2 = i1 + di, j2 = j1 + dj;
             if (std::min(i2, j2) < 0 || i2 >= d.nx || j2 >= d.nz) continue;
             const size_t next = d.index(i1, j1), second = d.index(i2, j2);
-            const double nearness = di != 0 && dj != 0 ? 0.5 : 1.0;
-            const double weight =
-                nearness * std::clamp(sand_metres(fields.sand[next]) / thin - 1.0, 0.0, 1.0);
+            const double weight = (di != 0 && dj != 0 ? diagonal : 1.0) * beyond_dust(next);
             if (!(weight > 0.0)) continue;
-            const double surface = 2.0 * fields.height(next) - fields.height(second);
+            const double rise = fields.height(next) - fields.height(second);
+            const double surface = fields.height(next) + beyond_dust(second) * rise;
             sum += weight * std::min(surface - double(fields.bedrock[here]), 0.0);
             weights += weight;
         }
-    return weights > 0.0 ? thickness + (1.0 - thickness / thin) * sum / weights : thickness;
+    return thickness + (1.0 - thickness / thin) * sum / std::max(weights, diagonal);
 }
 
 std::vector<const float*> mask_values(const TerrainInstance& instance, const Fields& fields) {

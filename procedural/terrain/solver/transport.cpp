@@ -420,29 +420,26 @@ BorderFlux March::run(const DownwindGrid& course, DuneBorder border, const Input
         const auto work = [&](int index) {
             const int b0 = index * strip_width, b1 = std::min(b0 + strip_width, columns);
             const bool whole = strips == 1 && periodic;
-            int first = b0 - margin, last = b1 + margin; // of the first row
-            if (!periodic) first = std::max(first, 0), last = std::min(last, columns);
-            if (whole) first = 0, last = columns;
-            MarchStrip wide = scratches.local().strip(last - first);
-            wide.substeps = substeps, wide.scale = input.scale;
-            transport_copy(front, columns, periodic, first, last - first, wide.flux);
+            int begin = b0 - margin, end = b1 + margin; // columns of the first row
+            if (!periodic) begin = std::max(begin, 0), end = std::min(end, columns);
+            if (whole) begin = 0, end = columns;
+            MarchStrip strip = scratches.local().strip(end - begin);
+            strip.substeps = substeps, strip.scale = input.scale;
+            transport_copy(front, columns, periodic, begin, end - begin, strip.flux);
             for (int step = row0; step < row1; ++step) {
                 if (step > row0) {
-                    float* const old = wide.before;
-                    wide.before = wide.saturated, wide.saturated = wide.after, wide.after = old;
+                    float* const old = strip.before;
+                    strip.before = strip.saturated, strip.saturated = strip.after, strip.after = old;
                 }
                 // What the margin's end cannot know has reached this far into the margin.
                 const int unknown = whole ? 0 : (step - row0) * reach / lanes * lanes;
-                const int left = first == 0 && !periodic ? 0 : unknown;
-                const int right = last == columns && !periodic ? 0 : unknown;
-                const MarchStrip s = wide.part(left, right);
-                const int lo = first + left, hi = last - right;
+                const int left = begin == 0 && !periodic ? 0 : unknown;
+                const int right = end == columns && !periodic ? 0 : unknown;
+                const MarchStrip s = strip.part(left, right);
+                const int lo = begin + left, hi = end - right;
                 const auto load = [&](const float* from, float* to) {
-                    transport_copy(from, columns, periodic, lo, hi - lo, to);
-                    if (periodic)
-                        transport_copy(from, columns, true, lo - transport_pad, transport_pad,
-                                       to - transport_pad);
-                    transport_copy(from, columns, periodic, hi, transport_pad, to + s.width);
+                    transport_copy(from, columns, periodic, lo - transport_pad, hi - lo + 2 * transport_pad,
+                                   to - transport_pad);
                 };
                 const size_t at = size_t(course.row(step)) * pitch;
                 transport_copy(input.sand + at, columns, periodic, lo, hi - lo, s.sand);
@@ -484,7 +481,7 @@ BorderFlux March::run(const DownwindGrid& course, DuneBorder border, const Input
                     for (int b = 0; b < s.width; ++b) s.sand[b] += s.flux[b], s.flux[b] = 0.0;
                 std::memcpy(sand_out + at + b0, s.sand + (b0 - lo), size_t(b1 - b0) * sizeof(double));
             }
-            std::memcpy(next_.data() + b0, wide.flux + (b0 - first), size_t(b1 - b0) * sizeof(double));
+            std::memcpy(next_.data() + b0, strip.flux + (b0 - begin), size_t(b1 - b0) * sizeof(double));
         };
         if (strips == 1)
             work(0);

@@ -88,7 +88,7 @@ TEST(Limits, StandardOutputMayBeFull) {
 
 #ifndef __SANITIZE_ADDRESS__ // it reserves terabytes of addresses
 
-// From where the loader succeeds, in steps of 4 MiB: the result is a picture, or exit code 2 and one line
+// From where the loader succeeds, in steps of 6 MiB: the result is a picture, or exit code 2 and one line
 // about memory.
 TEST(Limits, LittleMemoryIsOneLine) {
     const Folder folder;

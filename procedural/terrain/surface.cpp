@@ -14,7 +14,7 @@ constexpr std::array attribute_help = {
     "thickness of the sand, m; below 0 beside sand, so that its edge lies between vertices", "steepness, deg",
     "a mask of its layers"};
 // Sand thinner than a hundredth of a cell is dust: no dune ends so flat. On coarse grids, thinner than 2 cm.
-constexpr double thin_slope = 0.01, thin_most = 0.02;
+constexpr double thin_slope = 0.01, thin_limit = 0.02;
 
 bool makes_ripples(const Values& values) {
     for (int layer = 0; layer < layer_count(values); ++layer) {
@@ -79,30 +79,31 @@ double slope_at(const TerrainInstance& instance, int i, int j) {
 // it ends at the first bare sample, wherever between the samples the edge is. So a bare sample beside sand has the
 // value at which the interpolated thickness is 0 at the edge: the height of the surface, extrapolated from the sand
 // around it, minus the rock's (exact for plane surfaces). Dust blends into it, so it is continuous in the thicknesses
-// of all samples. Samples at the terrain's border are extrapolated only from the inside.
+// of all samples. Beyond the terrain's border there is nothing to extrapolate from.
 double sand_at(const TerrainInstance& instance, const Fields& fields, int i, int j) {
     const Domain& d = instance.domain;
     const size_t here = d.index(i, j);
-    const double thickness = sand_metres(fields.sand[here]), thin = std::min(thin_slope * d.cell, thin_most);
+    const double thickness = sand_metres(fields.sand[here]), thin = std::min(thin_slope * d.cell, thin_limit);
     if (thickness >= thin) return thickness;
     const auto beyond_dust = [&](size_t sample) { // 0 for dust, 1 for sand of twice its thickness
         return std::clamp(sand_metres(fields.sand[sample]) / thin - 1.0, 0.0, 1.0);
     };
-    constexpr double diagonal = 0.5; // weight of a neighbour
-    double sum = 0.0, weights = 0.0;
+    constexpr double diagonal_weight = 0.5; // of a neighbour; 1 beside
+    double sum = 0.0, weight_sum = 0.0;
     for (int dj = -1; dj <= 1; ++dj)
         for (int di = -1; di <= 1; ++di) {
             const int i1 = i + di, j1 = j + dj, i2 = i1 + di, j2 = j1 + dj;
             if (std::min(i2, j2) < 0 || i2 >= d.nx || j2 >= d.nz) continue;
             const size_t next = d.index(i1, j1), second = d.index(i2, j2);
-            const double weight = (di != 0 && dj != 0 ? diagonal : 1.0) * beyond_dust(next);
+            const double weight = (di != 0 && dj != 0 ? diagonal_weight : 1.0) * beyond_dust(next);
             if (!(weight > 0.0)) continue;
-            const double rise = fields.height(next) - fields.height(second);
-            const double surface = fields.height(next) + beyond_dust(second) * rise;
+            const double step = fields.height(next) - fields.height(second);
+            const double surface = fields.height(next) + beyond_dust(second) * step;
             sum += weight * std::min(surface - double(fields.bedrock[here]), 0.0);
-            weights += weight;
+            weight_sum += weight;
         }
-    return thickness + (1.0 - thickness / thin) * sum / std::max(weights, diagonal);
+    // One whole neighbour suffices; less than that is dust, and fades.
+    return thickness + (1.0 - thickness / thin) * sum / std::max(weight_sum, diagonal_weight);
 }
 
 std::vector<const float*> mask_values(const TerrainInstance& instance, const Fields& fields) {

@@ -28,11 +28,11 @@
 // imaginary part. At the Nyquist wave numbers, whose sign is undefined, the response is the mean of both
 // signs. The mean of the surface has no effect.
 //
-// Resolution. Below 1, waves across the rows that are shorter than 2 cells / resolution are left out: neither
-// transformed along the rows nor multiplied.
+// Resolution. Below 1, waves across the rows that are shorter than 2 cells / resolution make no stress. Whole
+// blocks of eight of them are neither transformed along the rows nor multiplied, and take no memory.
 //
 // Error: floats; 1e-6 of the greatest stress. Linear theory holds for slopes up to about 20 degrees.
-// Cost: 1.5 complex transforms in two dimensions. Memory: 16 bytes a cell.
+// Cost: 1.5 complex transforms in two dimensions. Memory: 8 bytes a cell.
 #include "procedural/terrain/solver/shear.h"
 
 #include "core/math/vec.h"
@@ -96,7 +96,7 @@ MARRAM_HOT void shear_forward(const Transform& transform, const float* surface, 
 struct ShearWaves {
     double row, column;           // unit vector of the wind
     double row_step, column_step; // wave numbers
-    float row_limit;              // greatest wave number
+    float row_cutoff;             // rows' wave numbers above it make no stress
     float in_phase, out_of_phase, cross;
     float scale; // normalization of the transforms
 };
@@ -110,7 +110,7 @@ MARRAM_INLINE ShearResponse shear_response(const ShearWaves& waves, VFloat k_row
     const VFloat along = w_row * k_row + w_column * k_column, side = w_row * k_column - w_column * k_row;
     const VFloat square = along * along + side * side, none = splat_float(0.0F);
     const VFloat g =
-        (square > 0.0F) & (k_row <= waves.row_limit) ? waves.scale * along / vsqrt(square) : none;
+        (square > 0.0F) & (k_row <= waves.row_cutoff) ? waves.scale * along / vsqrt(square) : none;
     const VFloat b = along > 0.0F ? none + waves.out_of_phase : none - waves.out_of_phase;
     const VFloat re = g * (waves.in_phase * h.re - b * h.im), im = g * (waves.in_phase * h.im + b * h.re);
     const VFloat s = waves.cross * side;
@@ -183,8 +183,8 @@ MARRAM_HOT void shear_inverse(const Transform& transform, const WideComplex* alo
 
 Shear::Shear(int rows, int columns, double cell, double resolution)
     : rows_(rows), columns_(columns), cell_(cell),
-      waves_(std::clamp(int(std::lround(resolution * 0.5 * rows)), std::min(rows / 2, 1), rows / 2)),
-      blocks_(size_t(waves_ + 1 + lanes - 1) / lanes), spectrum_(blocks_ * size_t(columns)),
+      last_wave_(std::clamp(int(std::lround(resolution * 0.5 * rows)), std::min(rows / 2, 1), rows / 2)),
+      blocks_(size_t(last_wave_ + 1 + lanes - 1) / lanes), spectrum_(blocks_ * size_t(columns)),
       across_(blocks_ * size_t(columns)) {}
 
 void Shear::forward(const float* surface) {
@@ -202,15 +202,16 @@ void Shear::forward(const float* surface) {
 void Shear::convolve(const ShearCoefficients& coefficients, double wind_row, double wind_column) {
     const size_t n = size_t(columns_.size());
     const double step = 2.0 * pi / cell_;
-    const ShearWaves waves = {wind_row,
-                              wind_column,
-                              step / rows_.size(),
-                              step / columns_.size(),
-                              float(step / rows_.size() * (waves_ + 0.5)),
-                              float(coefficients.in_phase),
-                              float(coefficients.out_of_phase),
-                              float(coefficients.cross),
-                              float(1.0 / (double(rows_.size()) * columns_.size()))};
+    const ShearWaves waves = {
+        wind_row,
+        wind_column,
+        step / rows_.size(),
+        step / columns_.size(),
+        float(step / rows_.size() * (last_wave_ + 0.5)), // between waves, so that rounding does not matter
+        float(coefficients.in_phase),
+        float(coefficients.out_of_phase),
+        float(coefficients.cross),
+        float(1.0 / (double(rows_.size()) * columns_.size()))};
     ShearScratch scratch;
     marram::parallel_for(size_t(0), blocks_, [&](size_t block) {
         WideVector<WideComplex>& mine = scratch.local();

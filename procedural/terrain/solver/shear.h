@@ -43,7 +43,7 @@ class Shear {
 
     Transform rows_, columns_; // along a column (over rows), along a row
     double cell_;
-    int waves_;     // greatest wave number along a column
+    int last_wave_; // greatest wave number along a column that makes stress
     size_t blocks_; // of eight wave numbers
     WideVector<WideComplex> spectrum_, across_;
 };

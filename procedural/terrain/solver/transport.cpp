@@ -409,8 +409,9 @@ BorderFlux March::run(const DownwindGrid& course, DuneBorder border, const Input
                       double* front, double* sand_out) {
     const bool periodic = border == DuneBorder::periodic;
     const int columns = course.columns, substeps = transport_substeps(input.turn);
-    const int reach = 2 * substeps; // columns that the transport of a row can reach
-    const int margin = transport_block_rows * reach;
+    const int columns_per_row =
+        2 * substeps; // that a row's transport can reach: limited slopes need two neighbours
+    const int margin = transport_block_rows * columns_per_row;
     const int strip_width = columns >= 1024 ? 256 : 128, strips = (columns + strip_width - 1) / strip_width;
     next_.resize(pitch);
     tbb::enumerable_thread_specific<TransportScratch> scratches;
@@ -431,10 +432,10 @@ BorderFlux March::run(const DownwindGrid& course, DuneBorder border, const Input
                     float* const old = strip.before;
                     strip.before = strip.saturated, strip.saturated = strip.after, strip.after = old;
                 }
-                // What the margin's end cannot know has reached this far into the margin.
-                const int unknown = whole ? 0 : (step - row0) * reach / lanes * lanes;
-                const int left = begin == 0 && !periodic ? 0 : unknown;
-                const int right = end == columns && !periodic ? 0 : unknown;
+                // Beyond its end the strip has no values: what they would change has come this far into the margin.
+                const int spoiled = whole ? 0 : (step - row0) * columns_per_row / lanes * lanes;
+                const int left = begin == 0 && !periodic ? 0 : spoiled;
+                const int right = end == columns && !periodic ? 0 : spoiled;
                 const MarchStrip s = strip.part(left, right);
                 const int lo = begin + left, hi = end - right;
                 const auto load = [&](const float* from, float* to) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The march over rows of sand: strips of columns and their margins change no bit.
+// The march over rows of sand: on periodic ground, strips of columns and their margins change no bit.
 #include "procedural/terrain/solver/transport.h"
 
 #include "core/math/hash.h"

@@ -23,7 +23,6 @@
 namespace marram {
 namespace {
 
-constexpr uint32_t all_done = (1U << lanes) - 1U;
 constexpr int max_cells = 128;
 constexpr int codes_per_cell = 8;
 constexpr int near_codes = 2 * codes_per_cell; // below this a radius is enlarged, by at most as much
@@ -99,17 +98,10 @@ void transform_line(int* line, size_t stride, int count, std::vector<int>& copy)
 
 MARRAM_INLINE VFloat as_float(VInt x) { return __builtin_convertvector(x, VFloat); }
 
-// Bit k: lane k of the mask.
-MARRAM_INLINE uint32_t lane_bits(VInt mask) {
-    VInt bits = mask & VInt{1, 2, 4, 8, 16, 32, 64, 128};
-    bits |= __builtin_shufflevector(bits, bits, 4, 5, 6, 7, 0, 1, 2, 3);
-    bits |= __builtin_shufflevector(bits, bits, 2, 3, 0, 1, 6, 7, 4, 5);
-    return uint32_t(bits[0] | bits[1]);
-}
-
-// Within a ball of radius `free` a parabola stays at least for 2 free / (v + sqrt(v^2 + 2 g free)).
-MARRAM_HOT uint32_t step_parabolas(const EmptySpaceGrid& grid, Parabolas8& p) {
-    const VFloat t = p.t_clear, fall = t * p.gravity;
+// How long the parabolas stay at least in the balls around their points at t that are empty. Within a ball of radius `free`
+// that is 2 free / (v + sqrt(v^2 + 2 g free)).
+MARRAM_INLINE VFloat clear_time(const EmptySpaceGrid& grid, const Parabolas8& p, VFloat t) {
+    const VFloat fall = t * p.gravity;
     VFloat to_centre{}, outside{}, squared{}; // squares: of distances and velocity
     VInt index{};
     for (int axis = 2; axis >= 0; --axis) {
@@ -122,21 +114,34 @@ MARRAM_HOT uint32_t step_parabolas(const EmptySpaceGrid& grid, Parabolas8& p) {
         const VFloat away = inside - (as_float(at) + 0.5F) * grid.cell;
         to_centre += away * away, outside += (x - inside) * (x - inside), squared += v * v;
     }
-    VFloat radius;
-    for (int lane = 0; lane < lanes; ++lane) radius[lane] = float(grid.codes[index[lane]]);
-    const VFloat distance = vmax(radius * grid.code - vsqrt(to_centre), VFloat{});
+    VInt codes;
+    for (int lane = 0; lane < lanes; ++lane) codes[lane] = grid.codes[index[lane]];
+    const VFloat distance = vmax(as_float(codes) * grid.code - vsqrt(to_centre), VFloat{});
     const VFloat free = vmax(vsqrt(distance * distance + outside) - p.clearance, VFloat{});
     const VFloat sum = vsqrt(squared) + vsqrt(squared + 2.0F * p.gravity * free);
-    const VFloat time = sum > VFloat{} ? 2.0F * free / sum : (free > VFloat{} ? p.t_max : VFloat{});
-    const VInt near = ~(time > vmax(p.min_step, t * 0x1p-20F)); // else t_clear might not change
-    p.t_clear = near ? t : t + time;
-    return lane_bits(near | (p.t_clear >= p.t_max));
+    return sum > VFloat{} ? 2.0F * free / sum : (free > VFloat{} ? p.t_max : VFloat{});
+}
+
+MARRAM_HOT void step_parabolas(const EmptySpaceGrid& grid, int steps, ParabolaPair& pair) {
+    VFloat t[2] = {pair[0].t_clear, pair[1].t_clear};
+    VInt near[2] = {};
+    for (int k = 0; k < steps; ++k)
+        for (size_t n = 0; n < 2; ++n) {
+            const Parabolas8& p = pair[n];
+            const VFloat time = clear_time(grid, p, t[n]);
+            near[n] = ~(time > vmax(p.min_step, t[n] * 0x1p-20F)); // else t_clear might not change
+            t[n] = near[n] ? t[n] : t[n] + time;
+        }
+    for (size_t n = 0; n < 2; ++n) pair[n].t_clear = t[n], pair[n].is_near = near[n];
 }
 
 } // namespace
 
-uint32_t EmptySpace::step(Parabolas8& parabolas) const {
-    return grid_.codes.empty() ? all_done : step_parabolas(grid_, parabolas);
+void EmptySpace::step(ParabolaPair& parabolas, int steps) const {
+    if (!grid_.codes.empty())
+        step_parabolas(grid_, steps, parabolas);
+    else
+        for (Parabolas8& p : parabolas) p.is_near = VInt{} - 1;
 }
 
 EmptySpace::EmptySpace(RTCScene scene, const Eigen::AlignedBox3d& box, int cells) {

@@ -7,6 +7,7 @@
 #include "core/math/vec.h"
 #include "core/plugin/embree.h"
 
+#include <array>
 #include <cstdint>
 #include <vector>
 
@@ -15,12 +16,16 @@ namespace marram {
 // Eight parabolas x + v t - gravity y t^2 / 2 in metres and seconds. x is relative to EmptySpace::low().
 struct alignas(64) Parabolas8 {
     VFloat x[3], v[3];
-    float gravity; // m/s^2, 0 or more
+    float gravity;    // m/s^2, 0 or more
     VFloat t_max;     // s
     VFloat min_step;  // s: shorter steps are not taken
     VFloat clearance; // m: how far around its points space must be empty; includes the rounding of x and v
     VFloat t_clear;   // s: space is empty up to here
+    VInt is_near;     // a mask: something may be near the point at t_clear
 };
+
+// Two at a time: a processor goes on with one while it waits for the other.
+using ParabolaPair = std::array<Parabolas8, 2>;
 
 struct EmptySpaceGrid {
     float high[3] = {};                                     // its extent, m
@@ -39,11 +44,11 @@ class EmptySpace {
     EmptySpace(RTCScene scene, const Eigen::AlignedBox3d& box, int cells);
 
     const Vec3d& low() const { return low_; }
-    // Moves `t_clear` on by one step in each of eight parabolas: as far as they stay in a ball that is empty at the
-    // first motion sample. Its radius is a lower bound of at most 255/8 cells. Up to there, for points inside the grid, it is
-    // too small by at most 3.5 cells and the extent of a leaf of Embree's BVH; within two cells of something by half a
-    // cell in the mean. Returns bits of the parabolas that are done: at their end, or near something.
-    uint32_t step(Parabolas8& parabolas) const;
+    // Moves `t_clear` on in each of sixteen parabolas by `steps`, 1 or more: each as far as they stay in a ball that is
+    // empty at the first motion sample. Its radius is a lower bound of at most 255/8 cells. Up to there, for points inside
+    // the grid, it is too small by at most 3.5 cells and the extent of a leaf of Embree's BVH; within two cells of something
+    // by half a cell in the mean.
+    void step(ParabolaPair& parabolas, int steps) const;
 
   private:
     Vec3d low_ = Vec3d::Zero();

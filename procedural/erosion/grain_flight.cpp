@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Eight grains are computed side by side, a grain a lane: with level sand around a rock a grain starts six arcs, most
 // of them from sand. The grains themselves are structs that are read from and written to lanes, as eight neighbours
-// rarely meet the next event together.
+// rarely meet the next event together. Two times eight are one batch: nothing of the second eight waits for the first, so
+// a processor computes them at the same time. What comes next for a grain is found without a branch, as it cannot be predicted.
 #include "procedural/erosion/grain_flight.h"
 
 #include "core/math/hash.h"
@@ -14,8 +15,8 @@ namespace marram {
 namespace {
 
 constexpr uint32_t start_places = 32; // in each direction of the start plane, for the order of grains
-constexpr double longest_arc = 1e6;   // s
 constexpr double most_chords = 0x1p40;
+constexpr int steps_at_once = 2; // through empty space, in a batch
 
 struct alignas(64) Starts8 {
     VUint numbers[5]; // points of the Sobol sequence before they are scrambled
@@ -81,8 +82,8 @@ MARRAM_HOT void find_starts(const GrainTracer& tracer, Starts8& starts, Grains8&
 }
 
 // The velocities of the grains that leave sand instead of those that land.
-MARRAM_HOT void find_ejections(const GrainTracer& tracer, const EventKeys8& keys, const VLong& has_hit,
-                               Grains8& g) {
+MARRAM_INLINE void find_ejections(const GrainTracer& tracer, const EventKeys8& keys, const VLong& has_hit,
+                                  Grains8& g) {
     const GrainBox& box = tracer.box;
     VDouble u0, u1;
     event_numbers(keys, u0, u1);
@@ -92,11 +93,17 @@ MARRAM_HOT void find_ejections(const GrainTracer& tracer, const EventKeys8& keys
     const Wide3d level = {cosine * box.along.x() + sine * box.across.x(), splat(0.0),
                           cosine * box.along.z() + sine * box.across.z()};
     const Wide3d along = level - g.normal * dot(level, g.normal);
-    const VDouble along_length = length(along);
-    const VDouble per_length = select(along_length > 1e-6, tracer.settings.bed_speed / along_length, 0.0);
+    VDouble per_length = splat(tracer.settings.bed_speed);
+    if (const VLong sloping = g.normal.y != 1.0; any(sloping)) {
+        const VDouble along_length = length(along);
+        const VDouble sloped = select(along_length > 1e-6, tracer.settings.bed_speed / along_length, 0.0);
+        per_length = select(sloping, sloped, per_length);
+    }
     const Wide3d out = g.normal * rise + along * per_length;
-    const VDouble limit = length(g.v), speed = length(out);
-    g.v = out * select(has_hit & (speed > limit), limit / speed, 1.0);
+    const VDouble limit = dot(g.v, g.v), speed = dot(out, out); // squares
+    g.v = out;
+    if (const VLong limited = has_hit & (speed > limit); any(limited))
+        g.v = out * select(limited, vsqrt(limit / speed), 1.0);
 }
 
 // ---- arcs ----
@@ -104,8 +111,9 @@ MARRAM_HOT void find_ejections(const GrainTracer& tracer, const EventKeys8& keys
 // The time at which q + v t - g t^2 / 2 falls to `low`, g >= 0. For q < low: the time of return to q, 0 if v <= 0.
 MARRAM_INLINE VDouble time_to_fall(const VDouble& q, const VDouble& v, const VDouble& g, double low) {
     const VDouble drop = vmax(q - low, 0.0), root = vsqrt(v * v + 2.0 * g * drop);
-    const VDouble falls = select(drop > 0.0, 2.0 * drop / (root - v), 0.0);
-    return select(v > 0.0, (v + root) / g, falls);
+    const VLong rises = v > 0.0;
+    const VDouble time = select(rises, v + root, 2.0 * drop) / select(rises, g, root - v);
+    return select(rises | (drop > 0.0), time, 0.0);
 }
 
 // Time until a point with constant velocity leaves an interval. NaN at a border without velocity.
@@ -203,9 +211,14 @@ MARRAM_INLINE VLong is_outside_horizontally(const GrainBox& box, const Wide3d& p
     return (s < box.start) | (s > box.s1) | (t < box.t0) | (t > box.t1);
 }
 
+float gravity_of_parabolas(const GrainTracer& tracer) {
+    return tracer.settings.drag_time > 0.0 ? 0.0F : float(tracer.settings.gravity);
+}
+
 // With drag the only chord is straight, and may leave the box: what is outside is not known to be empty. The rounding of arcs
 // to floats, in proportion to `arc_length`, is part of the clearance.
-MARRAM_INLINE void set_parabolas(const GrainTracer& tracer, const VDouble& arc_length, Grains8& g) {
+MARRAM_INLINE void set_parabolas(const GrainTracer& tracer, const VDouble& arc_length, const Grains8& g,
+                                 Parabolas8& p) {
     const bool drags = tracer.settings.drag_time > 0.0;
     // Chords lie up to `sag` below their arc, so within sag / 2 of the arc lowered by sag / 2.
     const double half_sag = drags ? 0.0 : 0.5 * tracer.sag;
@@ -215,34 +228,40 @@ MARRAM_INLINE void set_parabolas(const GrainTracer& tracer, const VDouble& arc_l
     const Wide3f from = to_float(x), velocity = to_float(v);
     const auto set = [](VFloat(&to)[3], const Wide3f& of)
                          MARRAM_ALWAYS_INLINE { to[0] = of.x, to[1] = of.y, to[2] = of.z; };
-    set(g.parabolas.x, from), set(g.parabolas.v, velocity);
-    g.parabolas.gravity = drags ? 0.0F : float(tracer.settings.gravity);
-    g.parabolas.t_clear = VFloat{};
-    g.parabolas.t_max = to_float(g.end * (1.0 + 0x1p-23)); // not before the end
+    set(p.x, from), set(p.v, velocity);
+    const VFloat end = to_float(g.end);
+    p.t_max = (VFloat)((VInt)end -
+                       low_32_bits(to_double(end) < g.end)); // the first float that is not before the end
+    p.t_clear = VFloat{};
+    p.gravity = gravity_of_parabolas(tracer);
     VLong needs_ray = tracer.hooks.rays ? all_lanes : VLong{};
     if (drags)
         needs_ray = needs_ray | is_outside_horizontally(tracer.box, g.x) |
                     is_outside_horizontally(tracer.box, g.end_x);
-    g.parabolas.min_step = to_float(select(needs_ray, infinity, 0.125 * vmin(g.chord_time, g.end)));
-    g.parabolas.clearance = to_float(half_sag + 0x1p-20 * (max_coordinate(x) + arc_length));
+    p.min_step = to_float(select(needs_ray, infinity, 0.125 * vmin(g.chord_time, g.end)));
+    p.clearance = to_float(half_sag + 0x1p-20 * (max_coordinate(x) + arc_length));
 }
 
-MARRAM_HOT void find_arcs(const GrainTracer& tracer, Grains8& g) {
+MARRAM_INLINE void find_arcs(const GrainTracer& tracer, Grains8& g, Parabolas8& p) {
     const GrainSettings& s = tracer.settings;
     g.chords_left = vmax(g.chords_left, 0.0);
     const bool drags = s.drag_time > 0.0;
     g.acceleration = {splat(0.0), splat(-s.gravity), splat(0.0)};
     VDouble a = splat(s.gravity);
+    g.chord_time = splat(tracer.chord_time);
     if (drags) {
         const VDouble air = stream_speeds(s, vmax(g.x.y - s.ground.value_or(tracer.box.base), 0.0));
         g.acceleration.x += (air * tracer.box.along.x() - g.v.x) / s.drag_time;
         g.acceleration.y -= g.v.y / s.drag_time;
         g.acceleration.z += (air * tracer.box.along.z() - g.v.z) / s.drag_time;
         a = length(g.acceleration);
+        g.chord_time = select(a > 0.0, vsqrt(8.0 * tracer.sag / a), longest_arc);
     }
     const VDouble v = length(g.v);
-    g.chord_time = select(a > 0.0, vsqrt(8.0 * tracer.sag / a), longest_arc);
-    g.chord_time = select(v > 0.0, vmin(g.chord_time, 1.01 * tracer.box.size / v), g.chord_time);
+    if (const VLong crosses = g.chord_time * v > tracer.box.size; any(crosses)) {
+        const VDouble across = vmin(g.chord_time, 1.01 * tracer.box.size / v);
+        g.chord_time = select(crosses, across, g.chord_time);
+    }
     const VDouble falls = -dot(g.acceleration, g.normal);
     const VDouble half_hop = vmax(dot(g.v, g.normal), 0.0) / falls;
     g.first_chord_time = select(falls > 0.0, vmin(g.chord_time, half_hop), g.chord_time);
@@ -263,15 +282,114 @@ MARRAM_HOT void find_arcs(const GrainTracer& tracer, Grains8& g) {
         find_end_state(s.drag_time, g);
         g.end_x = select(gives_up, g.end_x, end_x), g.end_v = select(gives_up, g.end_v, end_v);
     }
-    set_parabolas(tracer, (v + 0.5 * a * g.end) * g.end, g);
+    set_parabolas(tracer, (v + 0.5 * a * g.end) * g.end, g, p);
+    g.normal = {splat(0.0), select(g.at_end == int64_t(ArcEnd::lands), 1.0, 0.0), splat(0.0)};
+}
+
+// What comes next after ArcEnd.
+constexpr int32_t after_arc[] = {int32_t(Next::starts_arc), int32_t(Next::lands), int32_t(Next::leaves),
+                                 int32_t(Next::leaves)};
+
+MARRAM_INLINE VInt next_of(const Parabolas8& p, VInt after) {
+    const VInt near = p.is_near ? VInt{} + int32_t(Next::is_near) : VInt{} + int32_t(Next::flies);
+    return p.t_clear >= p.t_max ? after : near;
+}
+
+MARRAM_INLINE void store_arcs(bool drags, const Grains8& g, const Parabolas8& p, GrainBatch grains,
+                              Next* next) {
+    store_four(g.x, g.first_chord_time, grains,
+               [](Grain& grain) MARRAM_ALWAYS_INLINE { return grain.x.data(); });
+    store_four(g.v, g.chord_time, grains, [](Grain& grain) MARRAM_ALWAYS_INLINE { return grain.v.data(); });
+    store_four(g.normal, g.chords_left, grains,
+               [](Grain& grain) MARRAM_ALWAYS_INLINE { return grain.normal.data(); });
+    if (drags)
+        store_four(g.acceleration, g.first_chord_time, grains, // chord_t0 is set when it is needed
+                   [](Grain& grain) MARRAM_ALWAYS_INLINE { return grain.acceleration.data(); });
+    store_four(g.end_x, g.end, grains, [](Grain& grain) MARRAM_ALWAYS_INLINE { return grain.end.x.data(); });
+    store_four(g.end_v, g.chords, grains,
+               [](Grain& grain) MARRAM_ALWAYS_INLINE { return grain.end.v.data(); });
+    VFloat rows[lanes] = {p.x[0], p.x[1], p.x[2], p.v[0], p.v[1], p.v[2], p.t_max, p.min_step};
+    transpose(rows);
+    const VInt how = low_32_bits(g.at_end), side = low_32_bits(g.side);
+    VInt after;
+    for (size_t k = 0; k < lanes; ++k) after[k] = after_arc[how[k]];
+    const VInt nexts = next_of(p, after);
+    const VLong has_first = g.first_chord_time > 0.0;
+    for (size_t k = 0; k < grains.size(); ++k) {
+        Grain& grain = *grains[k];
+        std::memcpy(&grain.parabola, &rows[k], sizeof rows[k]);
+        grain.parabola.clearance = p.clearance[k], grain.parabola.t_clear = p.t_clear[k];
+        grain.parabola.after = after[k];
+        grain.end.how = ArcEnd(how[k]), grain.end.side = GrainSide(side[k]);
+        grain.chord = uint32_t(1 + has_first[int(k)]);
+        next[k] = Next(nexts[k]);
+    }
+}
+
+MARRAM_INLINE void load_parabolas(const std::array<const Grain*, lanes>& grains, Parabolas8& to,
+                                  VInt& after) {
+    VFloat rows[lanes];
+    for (size_t k = 0; k < lanes; ++k) {
+        const GrainParabola& from = grains[k]->parabola;
+        std::memcpy(&rows[k], &from, sizeof rows[k]);
+        to.clearance[k] = from.clearance, to.t_clear[k] = from.t_clear, after[k] = from.after;
+    }
+    transpose(rows);
+    for (int axis = 0; axis < 3; ++axis) to.x[axis] = rows[axis], to.v[axis] = rows[3 + axis];
+    to.t_max = rows[6], to.min_step = rows[7];
+}
+
+// The half of a batch that is in Grains16::half[n]. Where there is none, the first repeats.
+GrainBatch half_of(GrainBatch grains, size_t n) {
+    const size_t first = n * lanes;
+    return first < grains.size() ? grains.subspan(first, std::min(grains.size() - first, size_t(lanes)))
+                                 : grains.first(1);
+}
+
+struct Landings8 {
+    EventKeys8 keys;
+    VLong has_hit; // a mask: rock, before
+};
+
+MARRAM_HOT void find_both_ejections(const GrainTracer& tracer, const std::array<Landings8, 2>& landings,
+                                    Grains16& g) {
+    for (size_t n = 0; n < 2; ++n) find_ejections(tracer, landings[n].keys, landings[n].has_hit, g.half[n]);
+}
+
+MARRAM_HOT void find_both_arcs(const GrainTracer& tracer, Grains16& g) {
+    for (size_t n = 0; n < 2; ++n) find_arcs(tracer, g.half[n], g.parabolas[n]);
+}
+
+MARRAM_HOT void store_both_arcs(const GrainTracer& tracer, const Grains16& g, GrainBatch grains,
+                                NextOfGrains& next) {
+    for (size_t n = 0; n * lanes < grains.size(); ++n)
+        store_arcs(tracer.settings.drag_time > 0.0, g.half[n], g.parabolas[n], half_of(grains, n),
+                   next.data() + n * lanes);
+}
+
+MARRAM_HOT void load_both_parabolas(const std::array<std::array<const Grain*, lanes>, 2>& grains,
+                                    ParabolaPair& to, std::array<VInt, 2>& after) {
+    for (size_t n = 0; n < 2; ++n) load_parabolas(grains[n], to[n], after[n]);
+}
+
+MARRAM_HOT void find_next(const ParabolaPair& pair, const std::array<VInt, 2>& after, GrainBatch grains,
+                          NextOfGrains& next) {
+    for (size_t n = 0; n < 2; ++n) {
+        const VInt nexts = next_of(pair[n], after[n]);
+        for (size_t k = n * lanes; k < std::min(grains.size(), (n + 1) * lanes); ++k) {
+            grains[k]->parabola.t_clear = pair[n].t_clear[k % lanes];
+            next[k] = Next(nexts[k % lanes]);
+        }
+    }
 }
 
 MARRAM_HOT void load_states(const std::array<const Grain*, lanes>& from, Grains8& to) {
-    VDouble unused;
-    load_four(from, to.x, unused, [](const Grain& grain) MARRAM_ALWAYS_INLINE { return grain.x.data(); });
-    load_four(from, to.v, unused, [](const Grain& grain) MARRAM_ALWAYS_INLINE { return grain.v.data(); });
+    VDouble unused, chords;
+    load_four(from, to.x, unused, [](const Grain& grain) MARRAM_ALWAYS_INLINE { return grain.end.x.data(); });
+    load_four(from, to.v, chords, [](const Grain& grain) MARRAM_ALWAYS_INLINE { return grain.end.v.data(); });
     load_four(from, to.normal, to.chords_left,
               [](const Grain& grain) MARRAM_ALWAYS_INLINE { return grain.normal.data(); });
+    to.chords_left -= chords;
 }
 
 // ---- rays ----
@@ -328,61 +446,57 @@ std::vector<uint32_t> ordered_paths(const GrainTracer& tracer, uint64_t first, u
     return order;
 }
 
-Vec3d Grains8::velocity(int lane) const { return in_lane(v, lane); }
+Vec3d Grains16::velocity(size_t k) const { return in_lane(half[k / lanes].v, int(k % lanes)); }
 
-GrainArcEnd Grains8::arc_end(int lane) const {
-    return {in_lane(end_x, lane), end[lane], in_lane(end_v, lane), chords[lane], ArcEnd(at_end[lane]),
-            GrainSide(side[lane])};
+void load_grains(GrainBatch from, Grains16& to) {
+    for (size_t n = 0; n < 2; ++n) load_states(all_lanes_of(half_of(from, n)), to.half[n]);
 }
 
-void Grains8::store_arc(int lane, Grain& to) const {
-    to.x = in_lane(x, lane), to.v = in_lane(v, lane), to.normal = in_lane(normal, lane);
-    to.acceleration = in_lane(acceleration, lane);
-    to.first_chord_time = first_chord_time[lane], to.chord_time = chord_time[lane];
-    to.chords_left = chords_left[lane];
-    to.end = arc_end(lane);
-    to.chord = to.first_chord_time > 0.0 ? 0 : 1;
-    for (int axis = 0; axis < 3; ++axis)
-        to.parabola.x[axis] = parabolas.x[axis][lane], to.parabola.v[axis] = parabolas.v[axis][lane];
-    to.parabola.t_max = parabolas.t_max[lane], to.parabola.min_step = parabolas.min_step[lane];
-    to.parabola.clearance = parabolas.clearance[lane];
-    to.t_clear = parabolas.t_clear[lane];
-}
-
-void load_grains(GrainBatch from, Grains8& to) { load_states(all_lanes_of(from), to); }
-
-void emit_grains(const GrainTracer& tracer, GrainBatch grains, Grains8& to) {
-    Starts8 starts;
-    for_lanes(grains, [&](int lane, const Grain& grain) {
-        for (int d = 0; d < 5; ++d) starts.numbers[d][lane] = sobol_bits(grain.path, d);
-    });
-    find_starts(tracer, starts, to);
-    for (int lane = 0; lane < lanes; ++lane) {
-        const double across = starts.across[lane];
-        const auto place = std::min(size_t(across * double(grain_profile)), size_t(grain_profile) - 1);
-        to.x.y[lane] += tracer.box.ground[place];
+void emit_grains(const GrainTracer& tracer, GrainBatch grains, Grains16& to) {
+    for (size_t n = 0; n < 2; ++n) {
+        Starts8 starts;
+        Grains8& g = to.half[n];
+        for_lanes(half_of(grains, n), [&](int lane, const Grain& grain) {
+            for (int d = 0; d < 5; ++d) starts.numbers[d][lane] = sobol_bits(grain.path, d);
+        });
+        find_starts(tracer, starts, g);
+        for (int lane = 0; lane < lanes; ++lane) {
+            const double across = starts.across[lane];
+            const auto place = std::min(size_t(across * double(grain_profile)), size_t(grain_profile) - 1);
+            g.x.y[lane] += tracer.box.ground[place];
+        }
     }
 }
 
-void leave_sand(const GrainTracer& tracer, GrainBatch grains, Grains8& g) {
-    EventKeys8 keys;
-    VLong has_hit;
-    for_lanes(grains, [&](int lane, const Grain& grain) {
-        set_keys(tracer, grain, 2 * grain.landings + 1, lane, keys);
-        has_hit[lane] = grain.hits > 0 ? -1 : 0; // a mask
-    });
-    find_ejections(tracer, keys, has_hit, g);
+void leave_sand(const GrainTracer& tracer, GrainBatch grains, Grains16& g) {
+    std::array<Landings8, 2> landings;
+    for (size_t n = 0; n < 2; ++n)
+        for_lanes(half_of(grains, n), [&](int lane, const Grain& grain) {
+            set_keys(tracer, grain, 2 * grain.landings + 1, lane, landings[n].keys);
+            landings[n].has_hit[lane] = grain.hits > 0 ? -1 : 0;
+        });
+    find_both_ejections(tracer, landings, g);
 }
 
-uint32_t start_arcs(const GrainTracer& tracer, Grains8& g) {
-    find_arcs(tracer, g);
-    return tracer.empty.step(g.parabolas);
+void start_arcs(const GrainTracer& tracer, GrainBatch grains, Grains16& g, NextOfGrains& next) {
+    find_both_arcs(tracer, g);
+    tracer.empty.step(g.parabolas, steps_at_once);
+    store_both_arcs(tracer, g, grains, next);
+}
+
+void follow_arcs(const GrainTracer& tracer, GrainBatch grains, NextOfGrains& next) {
+    ParabolaPair pair;
+    std::array<VInt, 2> after;
+    load_both_parabolas({all_lanes_of(half_of(grains, 0)), all_lanes_of(half_of(grains, 1))}, pair, after);
+    pair[0].gravity = pair[1].gravity = gravity_of_parabolas(tracer);
+    tracer.empty.step(pair, steps_at_once);
+    find_next(pair, after, grains, next);
 }
 
 uint32_t set_rays(const GrainTracer& tracer, GrainBatch grains, std::span<RTCRayHit> rays) {
     Rays8 found;
     for_lanes(grains, [&](int lane, const Grain& grain) {
-        found.chord[lane] = grain.chord, found.t_clear[lane] = double(grain.t_clear);
+        found.chord[lane] = grain.chord, found.t_clear[lane] = double(grain.parabola.t_clear);
     });
     find_rays(tracer, all_lanes_of(grains), found);
     uint32_t fails = 0;

@@ -68,6 +68,8 @@ MARRAM_INLINE void find_arrival(const GrainTracer& tracer, const std::array<cons
     load_four(grains, v, chord_time, [](const Grain& grain) MARRAM_ALWAYS_INLINE { return grain.v.data(); });
     load_four(grains, acceleration, begin,
               [](const Grain& grain) MARRAM_ALWAYS_INLINE { return grain.acceleration.data(); });
+    if (tracer.settings.drag_time <= 0.0)
+        acceleration = {splat(0.0), splat(-tracer.settings.gravity), splat(0.0)};
     for (int lane = 0; lane < lanes; ++lane) end[lane] = grains[size_t(lane)]->chord_t1;
     const VDouble share = vmin(vmax(to_double(h.tfar), 0.0), 1.0), t = begin + share * (end - begin);
     const double tau = tracer.settings.drag_time;

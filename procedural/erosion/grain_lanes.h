@@ -54,10 +54,48 @@ MARRAM_INLINE void load_four(const std::array<const Grain*, lanes>& grains, Wide
     }
 }
 
-MARRAM_INLINE VDouble length(const Wide3d& v) { return vsqrt(dot(v, v)); }
-MARRAM_INLINE VDouble max_coordinate(const Wide3d& p) {
-    return vmax(vmax(vabs(p.x), vabs(p.y)), vabs(p.z));
+// From lanes: as load_four() reads them.
+template <typename F>
+MARRAM_INLINE void store_four(const Wide3d& xyz, const VDouble& w, GrainBatch grains, F&& f) {
+    for (int half = 0; half < 2; ++half) {
+        const Double4 x = xyz.x.half[half], y = xyz.y.half[half], z = xyz.z.half[half], v = w.half[half];
+        const Double4 a = __builtin_shufflevector(x, y, 0, 4, 2, 6),
+                      b = __builtin_shufflevector(x, y, 1, 5, 3, 7),
+                      c = __builtin_shufflevector(z, v, 0, 4, 2, 6),
+                      d = __builtin_shufflevector(z, v, 1, 5, 3, 7);
+        const Double4 row[4] = {
+            __builtin_shufflevector(a, c, 0, 1, 4, 5), __builtin_shufflevector(b, d, 0, 1, 4, 5),
+            __builtin_shufflevector(a, c, 2, 3, 6, 7), __builtin_shufflevector(b, d, 2, 3, 6, 7)};
+        for (size_t k = 0; k < 4 && size_t(4 * half) + k < grains.size(); ++k) {
+            Grain& grain = *grains[size_t(4 * half) + k];
+            auto *const begin = reinterpret_cast<char*>(&grain), *const to =
+                                                                     reinterpret_cast<char*>(f(grain));
+            std::memcpy(begin + (to - begin), &row[k], sizeof row[k]); // of the grain, beyond its vector
+        }
+    }
 }
+
+// Row i, column j to row j, column i.
+MARRAM_INLINE void transpose(VFloat (&rows)[lanes]) {
+    VFloat pairs[lanes], fours[lanes];
+    for (int k = 0; k < lanes; k += 2) {
+        pairs[k] = __builtin_shufflevector(rows[k], rows[k + 1], 0, 8, 1, 9, 4, 12, 5, 13);
+        pairs[k + 1] = __builtin_shufflevector(rows[k], rows[k + 1], 2, 10, 3, 11, 6, 14, 7, 15);
+    }
+    for (int k = 0; k < lanes; k += 4)
+        for (int n = 0; n < 2; ++n) {
+            const VFloat a = pairs[k + n], b = pairs[k + 2 + n];
+            fours[k + 2 * n] = __builtin_shufflevector(a, b, 0, 1, 8, 9, 4, 5, 12, 13);
+            fours[k + 2 * n + 1] = __builtin_shufflevector(a, b, 2, 3, 10, 11, 6, 7, 14, 15);
+        }
+    for (int k = 0; k < 4; ++k) {
+        rows[k] = __builtin_shufflevector(fours[k], fours[k + 4], 0, 1, 2, 3, 8, 9, 10, 11);
+        rows[k + 4] = __builtin_shufflevector(fours[k], fours[k + 4], 4, 5, 6, 7, 12, 13, 14, 15);
+    }
+}
+
+MARRAM_INLINE VDouble length(const Wide3d& v) { return vsqrt(dot(v, v)); }
+MARRAM_INLINE VDouble max_coordinate(const Wide3d& p) { return vmax(vmax(vabs(p.x), vabs(p.y)), vabs(p.z)); }
 
 // ---- random numbers ----
 

@@ -99,6 +99,7 @@ bool find_grain_box(GrainTracer& tracer) {
     tracer.sag =
         s.path_error > 0.0 ? s.path_error : std::min(0.05 * s.height, 0.01 * (worn.high - worn.low).norm());
     tracer.sag = std::max(tracer.sag, 1e-12 * box.size);
+    tracer.chord_time = s.gravity > 0.0 ? std::sqrt(8.0 * tracer.sag / s.gravity) : longest_arc;
     tracer.share = -std::expm1(-box.top / s.height);
     tracer.box = std::move(box);
     return true;

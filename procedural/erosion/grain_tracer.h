@@ -11,6 +11,7 @@ namespace marram {
 
 inline constexpr double grain_step = 0x1p-23;       // U: relative precision of float coordinates
 inline constexpr double max_grain_coordinate = 1e8; // m
+inline constexpr double longest_arc = 1e6;          // s
 inline constexpr int grain_profile = 256; // positions along the start plane where the ground is sampled
 
 // The box in which grains are traced, in the frame of the wind: s along it, y up, t across it (to the right).
@@ -41,6 +42,7 @@ struct GrainTracer {
     std::vector<unsigned> sand;    // sorted
     GrainBox box;
     EmptySpace empty;
+    double chord_time = 0.0; // of chords without drag, s
     double sag = 0.0, threshold = 0.0, settle = 0.0, launch = 0.0; // launch: sqrt(g H)
     double share = 0.0;                                            // of the stream that starts below box.top
     std::array<uint32_t, 5> shifts{};         // scrambling seeds of the dimensions of a start

@@ -72,7 +72,7 @@
 // Order. The paths of a task are traced in the order of their places on the start plane. Of 8 10^6 grains around
 // 1.5 10^6 triangles this saves an eighth of the time, as neighbours hit near each other.
 //
-// Cost. Eight grains leave sand, begin arcs, are checked for empty space and hit rock together. A grain around a ball of
+// Cost. Sixteen grains leave sand, begin arcs and fly through empty space together, eight hit rock. A grain around a ball of
 // 1.5 10^6 triangles takes 1.7 us of one core, for 0.8 hits, 5 landings on sand and 2.4 rays, of which Embree takes
 // 0.6 us (build/rock_erosion speed). On rough rock without sand a chord takes 0.5 us, of which Embree takes 0.3 us
 // (build/grains speed).
@@ -112,15 +112,8 @@ struct GrainCounts {
 bool advance_chord(Grain& grain) {
     const double begin = grain.first_chord_time + grain.chord * grain.chord_time; // as in find_rays()
     ++grain.chord;
-    grain.t_clear = float(begin * (1.0 - 0x1p-23)); // not after the begin
+    grain.parabola.t_clear = float(begin * (1.0 - 0x1p-23)); // not after the begin
     return begin < grain.end.time;
-}
-
-void set_parabola(const Grain& grain, int lane, Parabolas8& out) {
-    const GrainParabola& p = grain.parabola;
-    for (int axis = 0; axis < 3; ++axis) out.x[axis][lane] = p.x[axis], out.v[axis][lane] = p.v[axis];
-    out.t_max[lane] = p.t_max, out.min_step[lane] = p.min_step, out.clearance[lane] = p.clearance;
-    out.t_clear[lane] = grain.t_clear;
 }
 
 // ---- hits ----
@@ -143,8 +136,6 @@ void add_wear(GrainTracer& tracer, const WornPlace& place, int64_t quanta) {
 
 // ---- events: what becomes of a grain ----
 
-enum class Next : uint8_t { starts_arc, lands, ends };
-
 // At the end of a flight, with velocity v: the energy in quanta. Counts what the flight has gained.
 int64_t energy_after_flight(GrainCounts& counts, const Grain& grain, const Vec3d& v) {
     const int64_t energy = grain_quanta(grain_energy(v));
@@ -159,13 +150,15 @@ Next end_grain(GrainCounts& counts, const Grain& grain, const Vec3d& v, uint64_t
     return Next::ends;
 }
 
-void move_to(Grain& grain, const Vec3d& x, const Vec3d& v, const Vec3d& normal) {
-    grain.x = x, grain.v = v, grain.normal = normal;
+// At a hit of the traced chord.
+void set_end(Grain& grain, const GrainHit& hit, const Vec3d& v) {
+    grain.end.x = hit.x, grain.end.v = v, grain.end.chords = grain.chord + 1.0;
+    grain.normal = hit.normal;
 }
 
 // The grain landed, and `leaving` replaces it. false: that settles.
 bool count_landing(const GrainTracer& tracer, GrainCounts& counts, Grain& grain, const Vec3d& leaving) {
-    const int64_t before = energy_after_flight(counts, grain, grain.v);
+    const int64_t before = energy_after_flight(counts, grain, grain.end.v);
     ++counts.sand_hits;
     grain.energy = grain_quanta(grain_energy(leaving));
     counts.sand += grain.energy - before;
@@ -185,17 +178,17 @@ Next hit_rock(GrainTracer& tracer, GrainCounts& counts, Grain& grain, const Grai
         counts.worn += worn;
         add_wear(tracer, place, worn);
     }
-    move_to(grain, hit.x, hit.rebound, hit.normal);
-    const double left = grain_energy(grain.v);
+    set_end(grain, hit, hit.rebound);
+    const double left = grain_energy(hit.rebound);
     grain.energy = grain_quanta(left);
     counts.rock += before - grain.energy;
     ++grain.hits;
-    if (left < tracer.settle || !(grain.v.dot(hit.normal) > 0.0))
-        return end_grain(counts, grain, grain.v, counts.settled);
+    if (left < tracer.settle || !(hit.rebound.dot(hit.normal) > 0.0))
+        return end_grain(counts, grain, hit.rebound, counts.settled);
     if (s.drag_time <= 0.0 && !s.ground && s.sand.empty() &&
-        left + s.gravity * std::max(grain.x.y() - tracer.box.y0, 0.0) < tracer.threshold)
-        return end_grain(counts, grain, grain.v, counts.spent);
-    if (grain.hits >= s.most_hits) return end_grain(counts, grain, grain.v, counts.given_up);
+        left + s.gravity * std::max(hit.x.y() - tracer.box.y0, 0.0) < tracer.threshold)
+        return end_grain(counts, grain, hit.rebound, counts.spent);
+    if (grain.hits >= s.most_hits) return end_grain(counts, grain, hit.rebound, counts.given_up);
     return Next::starts_arc;
 }
 
@@ -203,176 +196,146 @@ Next hit_rock(GrainTracer& tracer, GrainCounts& counts, Grain& grain, const Grai
 Next grazes(GrainCounts& counts, Grain& grain, const GrainHit& hit) {
     ++counts.grazes;
     const double lack = min_rebound_sine * hit.v.norm() - hit.v.dot(hit.normal);
-    move_to(grain, hit.x, lack > 0.0 ? Vec3d(hit.v + lack * hit.normal) : hit.v, hit.normal);
-    grain.energy = energy_after_flight(counts, grain, grain.v);
+    set_end(grain, hit, lack > 0.0 ? Vec3d(hit.v + lack * hit.normal) : hit.v);
+    grain.energy = energy_after_flight(counts, grain, grain.end.v);
     return Next::starts_arc;
 }
 
-// At the end of an arc that hit nothing. `end`: of the grain, or of the lane that it is in.
-Next end_arc(GrainCounts& counts, Grain& grain, const GrainArcEnd& end) {
-    grain.chords_left -= end.chords;
-    if (end.how == ArcEnd::gives_up) return end_grain(counts, grain, end.v, counts.given_up);
-    if (end.how == ArcEnd::leaves) return end_grain(counts, grain, end.v, counts.left[size_t(end.side)]);
-    const bool lands = end.how == ArcEnd::lands;
-    move_to(grain, end.x, end.v, lands ? Vec3d(Vec3d::UnitY()) : Vec3d(Vec3d::Zero()));
-    return lands ? Next::lands : Next::starts_arc;
+void end_flight(GrainCounts& counts, const Grain& grain) {
+    const GrainArcEnd& end = grain.end;
+    end_grain(counts, grain, end.v,
+              end.how == ArcEnd::gives_up ? counts.given_up : counts.left[size_t(end.side)]);
 }
 
 // At the hit of the traced chord.
 Next handle_hit(GrainTracer& tracer, GrainCounts& counts, Grain& grain, const GrainHit& hit,
                 const WornPlace& place, unsigned id) {
-    grain.chords_left -= grain.chord + 1;
     if (std::binary_search(tracer.sand.begin(), tracer.sand.end(), id)) {
-        move_to(grain, hit.x, hit.v, hit.normal);
+        set_end(grain, hit, hit.v);
         return Next::lands;
     }
     if (hit.sine > 0.0) return hit_rock(tracer, counts, grain, hit, place);
     return grazes(counts, grain, hit); // the chord hits a surface that the path is leaving
 }
 
-// Handles grains in batches: eight that start, leave sand, begin an arc or need a ray, eight whose arcs are checked for
-// empty space, and up to 40 rays. A grain is in one place at a time: a queue of slots, or a lane.
+// Handles grains in batches: sixteen that start, leave sand, begin an arc or fly on, eight that need a ray or have hit
+// something, and up to 40 rays. Between two batches a grain waits in the queue for what comes next.
 class GrainWavefront {
   public:
     GrainWavefront(GrainTracer& tracer, uint64_t first, uint64_t end, GrainCounts& counts)
-        : tracer_(tracer), counts_(counts), paths_(ordered_paths(tracer, first, end)),
-          grains_(grain_window + 5 * lanes), rays_(grain_window) {
-        for (uint32_t slot = 0; slot < grains_.size(); ++slot) free_.push_back(slot);
+        : tracer_(tracer), counts_(counts), paths_(ordered_paths(tracer, first, end)), grains_(most_grains),
+          rays_(grain_window) {
+        for (uint32_t slot = 0; slot < most_grains; ++slot) put(slot, Next::ends);
     }
 
     void trace() {
         for (uint64_t steps = 1;; ++steps) {
             if (steps % 64 == 0 && tracer_.hooks.cancelled && tracer_.hooks.cancelled()) return;
-            fill_lanes();
-            if (used_ != all_used && feed()) continue;
-            if (used_ == 0) return;
-            for (uint32_t done = tracer_.empty.step(parabolas_) & used_; done != 0; done &= done - 1)
-                retire_lane(std::countr_zero(done));
+            if (!handle_batch()) return;
         }
     }
 
   private:
-    using Slots = std::vector<uint32_t>;
+    // A window of rays, less than a batch in each queue, and a batch that starts.
+    static constexpr size_t most_grains = grain_window + lanes + 5 * grains_at_once;
     struct TracedHit {
         uint32_t slot;
         const RTCRayHit* ray;
         WornPlace place;
     };
-    static constexpr uint32_t all_used = (1U << lanes) - 1U, whole_batch = all_used;
 
-    // Grains on arcs into free lanes.
-    void fill_lanes() {
-        while (used_ != all_used && !flying_.empty()) {
-            const int lane = std::countr_one(used_);
-            slot_[size_t(lane)] = flying_.back(), used_ |= 1U << lane;
-            set_parabola(grains_[flying_.back()], lane, parabolas_);
-            flying_.pop_back();
-        }
+    size_t waiting(Next next) const { return waiting_[size_t(next)]; }
+    void put(uint32_t slot, Next next) { queues_[size_t(next)][waiting_[size_t(next)]++] = slot; }
+    void put_batch(GrainBatch batch) {
+        for (size_t k = 0; k < batch.size(); ++k) put(batch_slots_[k], next_[k]);
     }
 
-    // Handles a batch, so that more grains fly. false: all grains are in lanes, or have ended.
-    bool feed() {
-        if (near_.size() >= lanes)
+    // false: all grains have ended.
+    bool handle_batch() {
+        if (waiting(Next::is_near) >= lanes)
             set_rays();
-        else if (landing_.size() >= lanes)
+        else if (waiting(Next::flies) >= grains_at_once)
+            follow_arcs();
+        else if (waiting(Next::lands) >= grains_at_once)
             leave_sand();
-        else if (starting_.size() >= lanes)
+        else if (waiting(Next::starts_arc) >= grains_at_once)
             start_arcs();
-        else if (next_ < paths_.size())
+        else if (waiting(Next::leaves) >= grains_at_once)
+            end_flights();
+        else if (next_path_ < paths_.size())
             emit_grains();
-        else if (!landing_.empty())
+        else if (waiting(Next::lands) > 0)
             leave_sand();
-        else if (!starting_.empty())
+        else if (waiting(Next::starts_arc) > 0)
             start_arcs();
-        else if (!near_.empty())
+        else if (waiting(Next::flies) > 0)
+            follow_arcs();
+        else if (waiting(Next::is_near) > 0)
             set_rays();
         else if (!ray_queue_.empty())
             trace_rays();
+        else if (waiting(Next::leaves) > 0)
+            end_flights();
         else
             return false;
         return true;
     }
 
-    // The last slots of a queue, at most eight, and their grains.
-    GrainBatch take(Slots& from) {
-        const size_t count = std::min(from.size(), size_t(lanes));
+    // The last slots of a queue, and their grains.
+    GrainBatch take(Next next, size_t most) {
+        size_t& in_queue = waiting_[size_t(next)];
+        const size_t count = std::min(in_queue, most);
         for (size_t k = 0; k < count; ++k) {
-            batch_slots_[k] = from.back();
-            batch_[k] = &grains_[from.back()];
-            from.pop_back();
+            batch_slots_[k] = queues_[size_t(next)][--in_queue];
+            batch_[k] = &grains_[batch_slots_[k]];
         }
         return {batch_.data(), count};
     }
 
-    void put(uint32_t slot, Next next) {
-        (next == Next::ends ? free_ : next == Next::lands ? landing_ : starting_).push_back(slot);
-    }
-
     void emit_grains() {
-        const GrainBatch room = take(free_); // never empty: at most 68 slots are elsewhere here
-        const size_t count = std::min(room.size(), paths_.size() - next_);
-        for (size_t k = count; k < room.size(); ++k) free_.push_back(batch_slots_[k]);
-        const GrainBatch batch = room.first(count);
-        for (Grain* grain : batch) grain->path = paths_[next_++], grain->hits = grain->landings = 0;
+        const GrainBatch batch = take(Next::ends, std::min(paths_.size() - next_path_, grains_at_once));
+        for (Grain* grain : batch) grain->path = paths_[next_path_++], grain->hits = grain->landings = 0;
         marram::emit_grains(tracer_, batch, states_);
-        for (size_t k = 0; k < count; ++k)
-            counts_.started += batch[k]->energy = grain_quanta(grain_energy(states_.velocity(int(k))));
-        fly(batch, whole_batch);
+        for (size_t k = 0; k < batch.size(); ++k)
+            counts_.started += batch[k]->energy = grain_quanta(grain_energy(states_.velocity(k)));
+        marram::start_arcs(tracer_, batch, states_, next_);
+        put_batch(batch);
     }
 
     void leave_sand() {
-        const GrainBatch batch = take(landing_);
+        const GrainBatch batch = take(Next::lands, grains_at_once);
         load_grains(batch, states_);
         marram::leave_sand(tracer_, batch, states_);
-        uint32_t leave = 0;
-        for (size_t k = 0; k < batch.size(); ++k) {
-            if (count_landing(tracer_, counts_, *batch[k], states_.velocity(int(k))))
-                leave |= 1U << k;
-            else
-                free_.push_back(batch_slots_[k]);
-        }
-        fly(batch, leave);
+        uint32_t settle = 0;
+        for (size_t k = 0; k < batch.size(); ++k)
+            settle |= uint32_t(!count_landing(tracer_, counts_, *batch[k], states_.velocity(k))) << k;
+        marram::start_arcs(tracer_, batch, states_, next_);
+        for (; settle != 0; settle &= settle - 1) next_[size_t(std::countr_zero(settle))] = Next::ends;
+        put_batch(batch);
     }
 
     void start_arcs() {
-        const GrainBatch batch = take(starting_);
+        const GrainBatch batch = take(Next::starts_arc, grains_at_once);
         load_grains(batch, states_);
-        fly(batch, whole_batch);
+        marram::start_arcs(tracer_, batch, states_, next_);
+        put_batch(batch);
     }
 
-    // Grains of `states_`. Most arcs from sand end in their first or second step: only what goes on is stored.
-    void fly(GrainBatch batch, uint32_t which) {
-        const uint32_t done = marram::start_arcs(tracer_, states_);
-        parabolas_.gravity = states_.parabolas.gravity;
-        for (size_t k = 0; k < batch.size(); ++k) {
-            if ((which >> k & 1U) == 0) continue;
-            const int lane = int(k);
-            const uint32_t slot = batch_slots_[k];
-            Grain& grain = *batch[k];
-            if (double(states_.parabolas.t_clear[lane]) < states_.end[lane]) {
-                states_.store_arc(lane, grain);
-                ((done >> k & 1U) != 0 ? near_ : flying_).push_back(slot);
-            } else {
-                grain.chords_left = states_.chords_left[lane];
-                put(slot, end_arc(counts_, grain, states_.arc_end(lane)));
-            }
-        }
+    void follow_arcs() {
+        const GrainBatch batch = take(Next::flies, grains_at_once);
+        marram::follow_arcs(tracer_, batch, next_);
+        put_batch(batch);
     }
 
-    void retire_lane(int lane) {
-        const uint32_t slot = slot_[size_t(lane)];
-        Grain& grain = grains_[slot];
-        used_ &= ~(1U << lane);
-        grain.t_clear = parabolas_.t_clear[lane];
-        if (double(grain.t_clear) < grain.end.time)
-            near_.push_back(slot);
-        else
-            put(slot, end_arc(counts_, grain, grain.end));
+    void end_flights() {
+        const GrainBatch batch = take(Next::leaves, grains_at_once);
+        for (size_t k = 0; k < batch.size(); ++k)
+            end_flight(counts_, *batch[k]), put(batch_slots_[k], Next::ends);
     }
 
     void set_rays() {
         if (ray_queue_.size() + lanes > grain_window) trace_rays();
-        const GrainBatch batch = take(near_);
+        const GrainBatch batch = take(Next::is_near, lanes);
         const std::span<RTCRayHit> rays = std::span(rays_).subspan(ray_queue_.size(), batch.size());
         const uint32_t fails = marram::set_rays(tracer_, batch, rays);
         size_t count = 0;
@@ -397,10 +360,9 @@ class GrainWavefront {
                 hits_.push_back({slot, &rays[k], worn_place(tracer_, rays[k])});
                 prefetch_triangle(tracer_, hits_.back().place);
                 if (hits_.size() > 1) prefetch_corners(tracer_, hits_[prefetched++].place);
-            } else if (Grain& grain = grains_[slot]; advance_chord(grain)) {
-                flying_.push_back(slot);
             } else {
-                put(slot, end_arc(counts_, grain, grain.end));
+                Grain& grain = grains_[slot];
+                put(slot, advance_chord(grain) ? Next::flies : Next(grain.parabola.after));
             }
         }
         if (!hits_.empty()) prefetch_corners(tracer_, hits_.back().place);
@@ -426,16 +388,17 @@ class GrainWavefront {
     GrainTracer& tracer_;
     GrainCounts& counts_;
     std::vector<uint32_t> paths_;
-    size_t next_ = 0; // of them
+    size_t next_path_ = 0; // of them
     std::vector<Grain> grains_;
     std::vector<RTCRayHit> rays_;
     std::vector<TracedHit> hits_;
-    Slots free_, landing_, starting_, flying_, near_, ray_queue_;
-    Grains8 states_{};
-    std::array<Grain*, lanes> batch_{};
-    std::array<uint32_t, lanes> batch_slots_{}, slot_{};
-    uint32_t used_ = 0; // bits of lanes
-    Parabolas8 parabolas_{};
+    std::vector<uint32_t> ray_queue_;
+    std::array<std::array<uint32_t, most_grains>, next_count> queues_{}; // of slots; those of `ends` are free
+    std::array<size_t, next_count> waiting_{};
+    Grains16 states_{};
+    std::array<Grain*, grains_at_once> batch_{};
+    std::array<uint32_t, grains_at_once> batch_slots_{};
+    NextOfGrains next_{};
 };
 
 void add_counts(GrainReport& report, const GrainCounts& c) {

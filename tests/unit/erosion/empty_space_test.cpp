@@ -17,11 +17,12 @@ constexpr double ball_radius = 0.7;
 
 // The radius of the ball around p that is known to be empty: how far a straight path gets in one step.
 double empty_radius(const EmptySpace& empty, const Vec3d& p) {
-    Parabolas8 paths{};
+    ParabolaPair pair{};
+    Parabolas8& paths = pair[1];
     for (int axis = 0; axis < 3; ++axis) paths.x[axis][3] = float(p[axis] - empty.low()[axis]);
     paths.v[1][3] = 1.0F;
     paths.t_max[3] = 1e6F;
-    empty.step(paths);
+    empty.step(pair, 1);
     return double(paths.t_clear[3]);
 }
 
@@ -67,12 +68,13 @@ TEST(EmptySpace, AStepStaysInsideTheBall) {
     for (uint64_t k = 0; k < 2000; ++k) {
         const Vec3d p = point_in(box, k), v = 10.0 * (point_in(box, k + 77777));
         const double gravity = 9.81 * unit_double(hash(k, 9));
-        Parabolas8 paths{};
+        ParabolaPair pair{};
+        Parabolas8& paths = pair[0];
         for (int axis = 0; axis < 3; ++axis)
             paths.x[axis][0] = float(p[axis] - empty.low()[axis]), paths.v[axis][0] = float(v[axis]);
         paths.gravity = float(gravity), paths.t_max[0] = 10.0F;
         const double radius = empty_radius(empty, p);
-        empty.step(paths);
+        empty.step(pair, 1);
         const auto t = double(paths.t_clear[0]);
         const Vec3d way = t * v - 0.5 * gravity * t * t * Vec3d::UnitY();
         EXPECT_LE(way.norm(), radius * (1.0 + 1e-5) + 1e-6);

@@ -2,7 +2,7 @@
 // The settings of each dial are run in interleaved rounds, and the result is the median of the rounds' time
 // ratios, so that slow changes of the machine's speed cancel. The first round measures the errors and warms
 // up: its times count only if there is no second. The time is divided among the dials by their weights. A
-// dial that runs out of time reports the settings that it left out.
+// setting that does not end in its dial's time is cancelled (TimeLimit), and the report lists it as not measured.
 #include "core/measure/measure.h"
 
 #include "core/geometry/curve_compare.h"
@@ -15,8 +15,11 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <limits>
+#include <map>
+#include <thread>
 
 namespace marram {
 namespace {
@@ -38,7 +41,45 @@ struct Session {
     std::vector<std::string> thinned = {}; // changes that reduce the number of strands
 };
 
-World build(Shot& shot, const Dial& dial, const Session& session, FrameStats& stats) {
+// A time limit, at most what is left for all dials. Within 10 ms after it, or after the caller cancels, stop()
+// becomes true, and work that polls it throws Cancelled.
+class TimeLimit {
+  public:
+    TimeLimit(const Session& session, double seconds)
+        : session_(session), left_after_(std::max(session.progress.left() - seconds, 0.0)),
+          watch_([this](const std::stop_token& end) {
+              while (!end.stop_requested() && !stop_.load()) {
+                  if (session_.cancel.load() || left() <= 0.0) stop_ = true;
+                  std::this_thread::sleep_for(std::chrono::milliseconds(10));
+              }
+          }) {}
+
+    const std::atomic<bool>& stop() const { return stop_; }
+    double left() const { return session_.progress.left() - left_after_; }
+
+    // Does the work if there is time. Returns whether it ended. Throws Cancelled only if the caller cancels.
+    template <typename Work>
+    bool in_time(const Work& work) const {
+        if (session_.cancel.load()) throw Cancelled{};
+        if (left() <= 0.0) return false;
+        try {
+            work();
+        } catch (const Cancelled&) {
+            if (session_.cancel.load()) throw;
+            return false;
+        }
+        return true;
+    }
+
+  private:
+    const Session& session_;
+    double left_after_; // seconds left for all dials when this limit is reached
+    std::atomic<bool> stop_ = false;
+    std::jthread watch_; // the last member: it reads the others
+};
+
+World build(Shot& shot, const Dial& dial, const Session& session, const std::atomic<bool>& stop,
+            FrameStats& stats) {
     BuildSettings settings = build_settings(shot, session.frame);
     if (dial.error != DialError::motion) settings.shutter_open = settings.shutter_close = 0.0;
     settings.trace_curves = dial.time == "strands and BVH" || dial.error == DialError::image ||
@@ -48,14 +89,14 @@ World build(Shot& shot, const Dial& dial, const Session& session, FrameStats& st
         dial.error == DialError::image ? wanted_attributes(shot, {}) : std::vector<std::string>{};
     if (dial.error == DialError::surface) settings.state_folder.clear(); // simulations start anew
     BuildProgress progress;
-    return build_world(shot.geometry, settings, session.cancel, progress, stats.build);
+    return build_world(shot.geometry, settings, stop, progress, stats.build);
 }
 
-Shot load_with(const MeasureRequest& request, const std::atomic<bool>& cancel,
+Shot load_with(const MeasureRequest& request, const std::atomic<bool>& stop,
                const std::vector<std::string>& changes) {
     Overrides overrides = request.overrides;
     overrides.settings.insert(overrides.settings.end(), changes.begin(), changes.end());
-    return load_shot(request.scene, overrides, cancel);
+    return load_shot(request.scene, overrides, stop);
 }
 
 // Times of the rounds, and their evaluation.
@@ -85,6 +126,8 @@ class Rounds {
             results[i].rounds = int(mine.size());
         }
     }
+    bool has(size_t setting) const { return !seconds_[setting].empty(); }
+    double first(size_t setting) const { return seconds_[setting].front(); }
     // A ratio to 0 seconds is undefined.
     bool base_is_positive() const { return !seconds_[base_].empty() && seconds_[base_].front() > 0.0; }
     void set_base(size_t base) { base_ = base; }
@@ -103,12 +146,19 @@ size_t base_of(const Dial& dial, const std::vector<SettingResult>& results) {
     return 0;
 }
 
-// The order of measuring: the reference, the base, then the others.
+// Whether settings are measured from the cheapest on. A surface may be simulated: a fine setting may take far more
+// time than there is. Strands are thinned, so that there is time for every setting.
+bool cheapest_first(const Dial& dial) { return dial.error == DialError::surface; }
+
+// The order of measuring: the reference, the base, then the others. Cheapest first: the base second, the
+// reference last.
 std::vector<size_t> order_of(const Dial& dial, size_t base) {
-    std::vector<size_t> order = {dial.reference};
-    if (base != dial.reference) order.push_back(base);
+    std::vector<size_t> order;
     for (size_t i = 0; i < dial.settings.size(); ++i)
         if (i != base && i != dial.reference) order.push_back(i);
+    const bool ascending = cheapest_first(dial);
+    if (base != dial.reference) order.insert(order.begin() + (ascending && !order.empty() ? 1 : 0), base);
+    order.insert(ascending ? order.end() : order.begin(), dial.reference);
     return order;
 }
 
@@ -322,78 +372,111 @@ std::string dial_rule(const DialResult& result, double tolerance, const BuildSta
 DialResult measure_strands(const Dial& dial, const Session& session, double budget) {
     DialResult result{dial, std::vector<SettingResult>(dial.settings.size()), 0, {}};
     const double end = wall_seconds() + budget;
+    const TimeLimit limit(session, 2.0 * budget); // the first round may take twice the budget
     std::vector<Shot> scenes(dial.settings.size());
     const auto load = [&](size_t i) {
         std::vector<std::string> changes = session.thinned;
         changes.insert(changes.end(), dial.settings[i].changes.begin(), dial.settings[i].changes.end());
-        scenes[i] = load_with(session.request, session.cancel, changes);
+        scenes[i] = load_with(session.request, limit.stop(), changes);
     };
-    for (size_t i = 0; i < dial.settings.size(); ++i) {
+    // Does work for a setting. Returns whether it ended; if not, the setting is refused.
+    const auto attempt = [&](size_t i, const auto& work) {
         try {
-            load(i);
+            if (!limit.in_time(work)) result.settings[i].refused = no_time;
         } catch (const InputError& error) {
             result.settings[i].refused = "refused: " + error.problems.front().what;
         }
-    }
-    const size_t base = base_of(dial, result.settings);
+        return result.settings[i].refused.empty();
+    };
+    for (size_t i = 0; i < dial.settings.size(); ++i) attempt(i, [&] { load(i); });
+    size_t base = base_of(dial, result.settings);
+    const std::vector<size_t> order = order_of(dial, base);
     Rounds rounds(dial.settings.size(), base);
     World reference;
+    std::map<size_t, World> waiting;                               // until there is a reference
     std::vector<SettingResult> by_attribute(dial.settings.size()); // of a dial of meshes
+    const auto compare = [&](size_t i, const World& world) {
+        SettingResult& setting = result.settings[i];
+        if (dial.error == DialError::surface || dial.error == DialError::view) {
+            if (i == result.dial.reference) return; // no error
+            if (dial.error == DialError::surface) {
+                compare_surfaces(world, reference, setting);
+                compare_attributes(world, reference, by_attribute[i]);
+            }
+            if (dial.error == DialError::view) compare_views(scenes[i], world, reference, session, setting);
+        } else {
+            compare_strands(dial, scenes[i], world, reference, session, setting);
+        }
+    };
     BuildStats own, by_tolerance;
     bool chosen = false;
+    double cheaper = 0.0; // wall seconds of a cheaper setting: those that follow take at least as long
     const double begin = wall_seconds();
-    for (const size_t i : order_of(dial, base)) {
+    for (const size_t i : order) {
         SettingResult& setting = result.settings[i];
+        const std::string& lost = result.settings[dial.reference].refused;
         if (!setting.refused.empty()) continue;
-        const bool needed = i == dial.reference || i == base;
-        if (!result.settings[dial.reference].refused.empty() && i != dial.reference)
+        if (!lost.empty() && lost != no_time)
             setting.refused = "not measured: its reference is refused";
-        else if (!needed && wall_seconds() > end + budget) // the first round may take twice the budget
+        else if (limit.left() <= cheaper)
             setting.refused = no_time;
         if (!setting.refused.empty()) continue;
         session.progress.now(fmt::format("{}: {}", dial.name, dial.settings[i].label));
         FrameStats stats;
         World world;
-        try {
-            world = build(scenes[i], dial, session, stats);
-        } catch (const InputError& error) {
-            setting.refused = "refused: " + error.problems.front().what;
-            continue;
-        }
+        const double start = wall_seconds();
+        if (!attempt(i, [&] { world = build(scenes[i], dial, session, limit.stop(), stats); })) continue;
+        if (cheapest_first(dial) && i != base) cheaper = wall_seconds() - start;
         rounds.add(i, seconds_of(dial, stats));
         if (dial.settings[i].own) own = stats.build;
         if (dial.settings[i].by_tolerance) by_tolerance = stats.build, chosen = true;
-        if (i == dial.reference) reference = std::move(world);
-        const World& made = i == dial.reference ? reference : world;
-        if (dial.error == DialError::surface || dial.error == DialError::view) {
-            if (i == dial.reference) continue; // no error
-            if (dial.error == DialError::surface) {
-                compare_surfaces(made, reference, setting);
-                compare_attributes(made, reference, by_attribute[i]);
-            }
-            if (dial.error == DialError::view) compare_views(scenes[i], made, reference, session, setting);
+        if (i == dial.reference) {
+            reference = std::move(world);
+            compare(i, reference);
         } else {
-            compare_strands(dial, scenes[i], made, reference, session, setting);
+            if (dial.error == DialError::surface) // the BVHs are not compared
+                world.colliders.reset(), world.collider_scenes.clear();
+            waiting.emplace(i, std::move(world));
         }
+        if (!rounds.has(dial.reference)) continue;
+        for (const auto& [k, made] : waiting) compare(k, made);
+        waiting.clear();
+    }
+    if (!waiting.empty()) { // the reference was not measured
+        const auto slowest =
+            std::ranges::max_element(waiting, {}, [&](const auto& made) { return rounds.first(made.first); });
+        result.dial.reference = slowest->first;
+        result.dial.explain +=
+            fmt::format(" {} was not measured: errors are against {}, the slowest that was.",
+                        dial.settings[dial.reference].label, dial.settings[slowest->first].label);
+        reference = std::move(slowest->second);
+        waiting.erase(slowest);
+        for (const auto& [k, made] : waiting) compare(k, made);
+        waiting.clear();
     }
     reference = {};
     if (dial.error == DialError::surface) choose_error(by_attribute, result);
     const double round = wall_seconds() - begin;
     for (int r = 1; r < session.request.rounds && wall_seconds() + round < end; ++r)
-        for (const size_t i : order_of(dial, base)) {
+        for (const size_t i : order) {
             if (!result.settings[i].refused.empty()) continue;
             session.progress.now(fmt::format("{}: {}", dial.name, dial.settings[i].label));
             FrameStats stats;
-            if (dial.error == DialError::surface) load(i); // a mesh that has been made would be kept
-            build(scenes[i], dial, session, stats);
+            const bool ended = limit.in_time([&] {
+                if (dial.error == DialError::surface) load(i); // a mesh that has been made would be kept
+                build(scenes[i], dial, session, limit.stop(), stats);
+            });
+            if (!ended) break;
             rounds.add(i, seconds_of(dial, stats));
         }
-    result.base = rounds.base_is_positive() ? base : dial.reference;
+    base = base_of(dial, result.settings); // there may have been no time for the one before
+    rounds.set_base(base);
+    result.base = rounds.base_is_positive() ? base : result.dial.reference;
     rounds.set_base(result.base);
     rounds.finish(result.settings);
     mark_front(result);
-    if (dial.error == DialError::motion && result.settings[base].refused.empty())
-        result.rule = motion_rule(result, scenes[base], session, own);
+    if (!result.settings[base].refused.empty()) return result; // nothing was measured
+    if (dial.error == DialError::motion) result.rule = motion_rule(result, scenes[base], session, own);
     if (dial.law)
         result.rule = dial_rule(result, build_settings(scenes[base], session.frame).tolerance,
                                 chosen ? &by_tolerance : nullptr);
@@ -405,20 +488,23 @@ struct Picture {
     double seconds = 0.0;
 };
 
-DialResult measure_pictures(Dial dial, const Session& session, double budget) {
+// Adds to the rounds until they are complete, or stops with Cancelled.
+void measure_samples(DialResult& result, Rounds& rounds, const Session& session,
+                     const std::atomic<bool>& stop, double budget) {
+    Dial& dial = result.dial;
     const double end = wall_seconds() + budget;
     constexpr uint32_t widest = 160;
-    Shot shot = load_shot(session.request.scene, session.request.overrides, session.cancel);
+    Shot shot = load_shot(session.request.scene, session.request.overrides, stop);
     auto [width, height] = film_size(shot);
     if (width > widest) {
         Overrides small = session.request.overrides;
         small.size = {widest, std::max(1U, (height * widest + width / 2) / width)};
-        shot = load_shot(session.request.scene, small, session.cancel);
+        shot = load_shot(session.request.scene, small, stop);
         std::tie(width, height) = film_size(shot);
     }
     session.progress.now(dial.name + ": strands");
     FrameStats built;
-    const World world = build(shot, dial, session, built);
+    const World world = build(shot, dial, session, stop, built);
     const Lights lights(shot.lights, world);
     const Camera camera = camera_at(shot.description, session.frame);
     const auto picture = [&](uint32_t samples, uint64_t seed) {
@@ -428,7 +514,7 @@ DialResult measure_pictures(Dial dial, const Session& session, double budget) {
         const std::vector<std::string> layers = {"beauty"};
         Film film = make_film(width, height, layers, world);
         RenderProgress progress;
-        progress.cancel = &session.cancel;
+        progress.cancel = &stop;
         const double begin = wall_seconds();
         const RenderStats stats = render(world, lights, shot.materials, camera, settings, film, &progress);
         if (stats.cancelled) throw Cancelled{};
@@ -442,25 +528,19 @@ DialResult measure_pictures(Dial dial, const Session& session, double budget) {
         finest.samples = affordable;
         finest.label = std::to_string(affordable);
     }
-    DialResult result{dial, std::vector<SettingResult>(dial.settings.size()), 0, {}};
     for (size_t i = 0; i < dial.settings.size(); ++i)
         if (i != dial.reference && dial.settings[i].samples > finest.samples / 2)
             result.settings[i].refused = no_time;
-    const size_t base = base_of(dial, result.settings);
-    Rounds rounds(dial.settings.size(), base);
     session.progress.now(fmt::format("{}: {}", dial.name, finest.label));
     const Picture reference = picture(finest.samples, other_seed);
+    rounds.add(dial.reference, reference.seconds); // rendered once: it is expensive
     double mean = 0.0;
     for (const float p : reference.pixels) mean += double(p) / double(reference.pixels.size());
     for (int r = 0; r < session.request.rounds; ++r) {
         const double begin = wall_seconds();
         for (size_t i = 0; i < dial.settings.size(); ++i) {
             SettingResult& setting = result.settings[i];
-            if (!setting.refused.empty()) continue;
-            if (i == dial.reference) { // rendered once: it is expensive
-                if (r == 0) rounds.add(i, reference.seconds);
-                continue;
-            }
+            if (!setting.refused.empty() || i == dial.reference) continue;
             session.progress.now(fmt::format("{}: {}", dial.name, dial.settings[i].label));
             const Picture mine = picture(dial.settings[i].samples, 0);
             rounds.add(i, mine.seconds);
@@ -475,10 +555,53 @@ DialResult measure_pictures(Dial dial, const Session& session, double budget) {
         }
         if (wall_seconds() + (wall_seconds() - begin) > end) break;
     }
-    result.base = base;
+}
+
+DialResult measure_pictures(const Dial& dial, const Session& session, double budget) {
+    DialResult result{dial, std::vector<SettingResult>(dial.settings.size()), 0, {}};
+    Rounds rounds(dial.settings.size(), 0);
+    const TimeLimit limit(session, 2.0 * budget);
+    limit.in_time([&] { measure_samples(result, rounds, session, limit.stop(), budget); });
+    for (size_t i = 0; i < dial.settings.size(); ++i)
+        if (!rounds.has(i)) result.settings[i].refused = no_time;
+    result.base = base_of(dial, result.settings);
+    rounds.set_base(result.base);
     rounds.finish(result.settings);
     mark_front(result);
     return result;
+}
+
+// Builds the scene as it is, counts what it has, and chooses how many of its strands are measured.
+void choose_strands(Session& session, Measurement& measurement) {
+    const MeasureRequest& request = session.request;
+    Dial all;
+    all.time = "strands and BVH";
+    FrameStats stats;
+    const TimeLimit limit(session, session.progress.left());
+    measurement.built = limit.in_time([&] {
+        Shot whole = load_with(request, limit.stop(), {});
+        build(whole, all, session, limit.stop(), stats);
+        // One round over all dials costs about 100 builds of the scene's strands. Allow for about 3 rounds.
+        constexpr double builds = 300.0;
+        const double share = request.seconds / builds / std::max(seconds_of(all, stats), 1e-9);
+        if (share >= 1.0) return;
+        session.thinned = thinned(whole, share);
+        stats = {};
+        Shot fewer = load_with(request, limit.stop(), session.thinned);
+        build(fewer, all, session, limit.stop(), stats);
+        measurement.left_out.push_back(
+            fmt::format("strands: {:.2g} % of them were measured, so that there is time for every setting; "
+                        "--seconds asks for more (the picture has them all)",
+                        100.0 * share));
+    });
+    if (!measurement.built) {
+        measurement.left_out.push_back(fmt::format(
+            "every setting: the scene was not built within --seconds {:g}, give more", request.seconds));
+        return;
+    }
+    measurement.strands = stats.build.curves;
+    measurement.cvs = stats.build.cvs;
+    measurement.triangles = stats.build.triangles;
 }
 
 } // namespace
@@ -497,31 +620,12 @@ std::pair<std::string, double> MeasureProgress::state() const {
 
 double MeasureProgress::left() const { return begin_ + seconds_ - wall_seconds(); }
 
-void measure(Shot& shot, const MeasureRequest& request, MeasureProgress& progress,
+void measure(const Shot& shot, const MeasureRequest& request, MeasureProgress& progress,
              const std::atomic<bool>& cancel, Measurement& measurement) {
     Session session{request, request.frame, progress, cancel};
     const DialList list = dials_of(shot);
     measurement = {request.scene, request.frame, request.threads, 0, 0, 0, {}, list.left_out};
-    Dial all;
-    all.time = "strands and BVH";
-    FrameStats stats;
-    build(shot, all, session, stats);
-    // One round over all dials costs about 100 builds of the scene's strands. Allow for about 3 rounds.
-    constexpr double builds = 300.0;
-    const double share = request.seconds / builds / std::max(seconds_of(all, stats), 1e-9);
-    if (share < 1.0) {
-        session.thinned = thinned(shot, share);
-        stats = {};
-        Shot fewer = load_with(request, cancel, session.thinned);
-        build(fewer, all, session, stats);
-        measurement.left_out.push_back(
-            fmt::format("strands: {:.2g} % of them were measured, so that there is time for every setting; "
-                        "--seconds asks for more (the picture has them all)",
-                        100.0 * share));
-    }
-    measurement.strands = stats.build.curves;
-    measurement.cvs = stats.build.cvs;
-    measurement.triangles = stats.build.triangles;
+    choose_strands(session, measurement);
     for (size_t i = 0; i < list.dials.size(); ++i) {
         const Dial& dial = list.dials[i];
         double weights = 0.0; // of the dials to come

@@ -25,9 +25,11 @@ struct MeasureRequest {
 class MeasureProgress {
   public:
     explicit MeasureProgress(double seconds);
+    virtual ~MeasureProgress() = default;
     void now(std::string phase);
     std::pair<std::string, double> state() const; // phase, share of the time used
-    double left() const;                          // seconds left
+    // Seconds left; called from other threads too. When there are none, measuring ends. A test can override it.
+    virtual double left() const;
 
   private:
     mutable std::mutex mutex_;
@@ -35,9 +37,10 @@ class MeasureProgress {
     double begin_, seconds_;
 };
 
-// Measures the dials one by one and adds them to `measurement`. `shot` is the request's scene. Throws
-// Cancelled, and InputError if the scene cannot be built; the dials already measured stay.
-void measure(Shot& shot, const MeasureRequest& request, MeasureProgress& progress,
+// Measures the dials one by one and adds them to `measurement`. `shot` is the request's scene. Settings for which
+// progress.left() is too little are refused: their work is stopped, as by `cancel`. Throws Cancelled if `cancel` is
+// set, and InputError if the scene cannot be built; the dials already measured stay.
+void measure(const Shot& shot, const MeasureRequest& request, MeasureProgress& progress,
              const std::atomic<bool>& cancel, Measurement& measurement);
 
 } // namespace marram

@@ -217,6 +217,12 @@ std::string svg(const DialResult& result) {
         width, height, escaped(result.dial.name), plot(result));
 }
 
+// What the scene has.
+std::string counts(const Measurement& m) {
+    return m.built ? fmt::format("{} strands, {} CVs, {} triangles", m.strands, m.cvs, m.triangles)
+                   : std::string("not built");
+}
+
 std::string number(double value) { return value == 0.0 ? "0" : fmt::format("{:.3g}", value); }
 
 } // namespace
@@ -241,8 +247,7 @@ std::string error_unit(DialError error) {
 }
 
 std::string to_table(const Measurement& m) {
-    std::string out = fmt::format("{}, frame {:g}: {} strands, {} CVs, {} triangles, {} threads\n", m.scene,
-                                  m.frame, m.strands, m.cvs, m.triangles, m.threads);
+    std::string out = fmt::format("{}, frame {:g}: {}, {} threads\n", m.scene, m.frame, counts(m), m.threads);
     for (const DialResult& result : m.dials) {
         const Dial& dial = result.dial;
         out += fmt::format("\n{}: {}\n", dial.name, dial.explain);
@@ -297,7 +302,7 @@ std::string to_html(const Measurement& m) {
         "td:first-child,th:first-child,td:last-child,th:last-child{{text-align:left}}\n"
         "tr.own td{{background:#fff1e8}} svg{{width:100%;max-width:640px;height:auto;display:block}}\n"
         "</style></head><body>\n<h1>Speed against error</h1>\n"
-        "<p>{0}, frame {1:g}: {2} strands, {3} CVs, {4} triangles, {5} threads. Times are medians of "
+        "<p>{0}, frame {1:g}: {2}, {3} threads. Times are medians of "
         "interleaved "
         "rounds, as ratios to the setting that the axis names, in the same round. Filled points are the "
         "front: "
@@ -305,7 +310,7 @@ std::string to_html(const Measurement& m) {
         "is both faster and more exact. The ring is what the scene has. Colliders at rest keep their search "
         "tree from "
         "round to round, as they do from frame to frame.</p>\n",
-        escaped(m.scene), m.frame, m.strands, m.cvs, m.triangles, m.threads);
+        escaped(m.scene), m.frame, counts(m), m.threads);
     for (const DialResult& result : m.dials) {
         const Dial& dial = result.dial;
         out += fmt::format(

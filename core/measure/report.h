@@ -37,6 +37,7 @@ struct Measurement {
     uint64_t strands = 0, cvs = 0, triangles = 0;
     std::vector<DialResult> dials;
     std::vector<std::string> left_out;
+    bool built = false; // else the scene's strands, CVs and triangles are unknown
 };
 
 // Marks the settings on the Pareto front of time and error. Refused settings are not on it.

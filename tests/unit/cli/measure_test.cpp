@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // `marram measure`: every dial of a scene, its errors against the finest setting, and reports that list what
 // was left out.
-#include "core/measure/report.h"
+#include "core/measure/measure.h"
 #include "program.h"
 
 #include <algorithm>
@@ -207,10 +207,7 @@ name = "soil"
 type = "diffuse"
 )";
 
-// A simulation starts anew for each setting and round.
-TEST(Measure, turns_the_dials_of_a_dune_solver) {
-    const Folder folder;
-    const std::string scene = folder.write("a.toml", std::string(small_picture) + R"([[procedural]]
+const std::string small_dunes = std::string(small_picture) + R"([[procedural]]
 type = "terrain"
 name = "desert"
 material = "soil"
@@ -225,7 +222,12 @@ spacing = [6, 7]
 type = "dune_solver"
 days_per_frame = 0.25
 start = 0
-)");
+)";
+
+// A simulation starts anew for each setting and round.
+TEST(Measure, turns_the_dials_of_a_dune_solver) {
+    const Folder folder;
+    const std::string scene = folder.write("a.toml", small_dunes);
     const ProgramResult done =
         marram({"measure", scene, "--out", folder / "report", "--seconds", "1000", "--rounds", "1"});
     EXPECT_EQ(done.code, 0) << done.err;
@@ -240,6 +242,83 @@ start = 0
     const std::vector<Row>& steps =
         dials.at("dune_solver.stability"); // steps of 1, 1/2, 1/4: of second order
     EXPECT_GT(number(steps[0], "error"), 3.0 * number(steps[1], "error")) << done.out;
+}
+
+// One round, in this process: the tests choose when the time is over.
+void measure_dunes(const Folder& folder, const std::vector<std::string>& changes, double seconds,
+                   MeasureProgress& progress, const std::atomic<bool>& cancel, Measurement& measurement) {
+    static const std::atomic<bool> never{false};
+    Overrides overrides;
+    overrides.settings = changes;
+    const std::string scene = folder.write("a.toml", small_dunes);
+    measure(load_shot(scene, overrides, never), {scene, overrides, 1.0, seconds, 1, 1}, progress, cancel,
+            measurement);
+}
+
+void expect_no_time(const DialResult& result, size_t setting) {
+    EXPECT_CONTAINS(result.settings[setting].refused, "no time was left, give more with --seconds");
+    EXPECT_EQ(result.settings[setting].rounds, 0);
+}
+
+TEST(Measure, reports_that_there_was_no_time_at_all) {
+    const Folder folder;
+    const std::atomic<bool> go{false}, stop{true};
+    MeasureProgress none(0.0);
+    Measurement measurement;
+    measure_dunes(folder, {}, 0.0, none, go, measurement);
+    ASSERT_GE(measurement.dials.size(), 4u);
+    for (const DialResult& result : measurement.dials) {
+        SCOPED_TRACE(result.dial.name);
+        for (size_t i = 0; i < result.settings.size(); ++i) expect_no_time(result, i);
+    }
+    const std::string table = to_table(measurement);
+    EXPECT_CONTAINS(table, "frame 1: not built");
+    EXPECT_CONTAINS(table, "the scene was not built within --seconds 0");
+    EXPECT_THROW(measure_dunes(folder, {}, 0.0, none, stop, measurement), Cancelled) << "an interrupt";
+}
+
+// The time is over once this is being measured.
+class TimeUntil : public MeasureProgress {
+  public:
+    explicit TimeUntil(std::string phase) : MeasureProgress(1000.0), phase_(std::move(phase)) {}
+    double left() const override { return state().first == phase_ ? 0.0 : MeasureProgress::left(); }
+
+  private:
+    std::string phase_;
+};
+
+// The finest cells come last. Their simulation takes far longer than the 10 ms in which it is told to stop.
+TEST(Measure, stops_a_simulation_when_its_time_is_over) {
+    const Folder folder;
+    const std::atomic<bool> go{false};
+    TimeUntil finest("cell: 0.125");
+    Measurement measurement;
+    measure_dunes(folder, {"procedural.desert.layer[1].days_per_frame=2"}, 1000.0, finest, go, measurement);
+    ASSERT_GE(measurement.dials.size(), 4u);
+    const std::string table = to_table(measurement);
+    const DialResult& cell = measurement.dials[0];
+    ASSERT_EQ(cell.dial.name, "cell");
+    size_t slowest = 0;
+    for (size_t i = 0; i < cell.settings.size(); ++i) {
+        SCOPED_TRACE(cell.dial.settings[i].label);
+        if (cell.dial.settings[i].label == "0.125") {
+            expect_no_time(cell, i);
+            continue;
+        }
+        EXPECT_EQ(cell.settings[i].refused, "");
+        EXPECT_EQ(cell.settings[i].rounds, 1);
+        if (cell.settings[i].seconds > cell.settings[slowest].seconds) slowest = i;
+    }
+    // The slowest takes the reference's place, and the report says so.
+    EXPECT_EQ(cell.dial.reference, slowest) << table;
+    EXPECT_EQ(cell.settings[slowest].error, 0.0);
+    EXPECT_GT(cell.settings[0].error, 0.0) << table;
+    EXPECT_CONTAINS(table, "0.125 was not measured: errors are against");
+    for (size_t k = 1; k < measurement.dials.size(); ++k) {
+        SCOPED_TRACE(measurement.dials[k].dial.name);
+        for (size_t i = 0; i < measurement.dials[k].settings.size(); ++i)
+            expect_no_time(measurement.dials[k], i);
+    }
 }
 
 // The wear of a rock has no heights, unlike a terrain beside it: its attribute is compared.
@@ -311,13 +390,14 @@ years = 20
 TEST(Measure, says_what_it_leaves_out) {
     const Folder folder;
     const std::string scene = folder.write("a.toml", SceneText{});
-    const ProgramResult done = marram({"measure", scene, "--out", folder / "report", "--seconds", "2"});
+    const ProgramResult done =
+        marram({"measure", scene, "--out", folder / "report", "--seconds", "1000", "--rounds", "2"});
     EXPECT_EQ(done.code, 0) << done.err;
     for (const std::string why :
          {"nothing jiggles", "nothing is shielded", "the shutter does not open", "has one octave"})
         EXPECT_CONTAINS(done.out, why);
-    const ProgramResult bare = marram({"measure", scene, "--out", folder / "report", "--seconds", "2",
-                                       "--set", "procedural.grass.count=1", "--set",
+    const ProgramResult bare = marram({"measure", scene, "--out", folder / "report", "--seconds", "1000",
+                                       "--rounds", "2", "--set", "procedural.grass.count=1", "--set",
                                        "wind.collision={ solver = \"steps\", "
                                        "rotation_steps = 5 }"});
     EXPECT_EQ(bare.code, 0) << bare.err;

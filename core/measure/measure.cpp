@@ -92,6 +92,7 @@ World build(Shot& shot, const Dial& dial, const Session& session, const std::ato
     return build_world(shot.geometry, settings, stop, progress, stats.build);
 }
 
+// `stop` is read by the scene's procedurals as long as they live.
 Shot load_with(const MeasureRequest& request, const std::atomic<bool>& stop,
                const std::vector<std::string>& changes) {
     Overrides overrides = request.overrides;
@@ -127,7 +128,7 @@ class Rounds {
         }
     }
     bool has(size_t setting) const { return !seconds_[setting].empty(); }
-    double first(size_t setting) const { return seconds_[setting].front(); }
+    double first(size_t setting) const { return has(setting) ? seconds_[setting].front() : 0.0; }
     // A ratio to 0 seconds is undefined.
     bool base_is_positive() const { return !seconds_[base_].empty() && seconds_[base_].front() > 0.0; }
     void set_base(size_t base) { base_ = base; }
@@ -146,20 +147,29 @@ size_t base_of(const Dial& dial, const std::vector<SettingResult>& results) {
     return 0;
 }
 
-// Whether settings are measured from the cheapest on. A surface may be simulated: a fine setting may take far more
-// time than there is. Strands are thinned, so that there is time for every setting.
-bool cheapest_first(const Dial& dial) { return dial.error == DialError::surface; }
+// A surface may be simulated: a fine setting may take far more time than there is. (Strands are thinned, so that there is time
+// for every setting.) The settings of such a dial begin with the coarsest and end with the reference.
+bool coarsest_first(const Dial& dial) { return dial.error == DialError::surface; }
 
-// The order of measuring: the reference, the base, then the others. Cheapest first: the base second, the
-// reference last.
+// The order of measuring: the reference, the base, then the others. Coarsest first: the base second, as ratios refer to
+// it, and the reference last.
 std::vector<size_t> order_of(const Dial& dial, size_t base) {
     std::vector<size_t> order;
     for (size_t i = 0; i < dial.settings.size(); ++i)
         if (i != base && i != dial.reference) order.push_back(i);
-    const bool ascending = cheapest_first(dial);
-    if (base != dial.reference) order.insert(order.begin() + (ascending && !order.empty() ? 1 : 0), base);
-    order.insert(ascending ? order.end() : order.begin(), dial.reference);
+    const bool coarsest = coarsest_first(dial);
+    if (base != dial.reference) order.insert(order.begin() + (coarsest && !order.empty() ? 1 : 0), base);
+    order.insert(coarsest ? order.end() : order.begin(), dial.reference);
     return order;
+}
+
+// What errors refer to if there was no time for the reference: the finest setting that was measured. The scene's own is
+// finer than the others if it took clearly longer.
+size_t finest_measured(const Dial& dial, const Rounds& rounds, size_t base) {
+    size_t finest = base;
+    for (size_t i = 0; i < dial.settings.size(); ++i)
+        if (rounds.has(i) && (i < dial.reference || !rounds.has(finest))) finest = i;
+    return rounds.first(base) > 1.5 * rounds.first(finest) ? base : finest;
 }
 
 // Metres per pixel at the distance of the camera's target.
@@ -356,6 +366,7 @@ std::string dial_rule(const DialResult& result, double tolerance, const BuildSta
         low = std::min(low, most / (factor * law));
         high = std::max(high, most / (factor * law));
     });
+    if (factor <= 0.0) return fmt::format("Rule: the error {}; no error was measured.", dial.law_words);
     std::string rule = fmt::format("Rule: the error {}; measured errors are {:.2f} to {:.2f} of that, the "
                                    "finest setting itself is off by about {:.2g} m.",
                                    dial.law_words, low, high, factor * reference);
@@ -372,17 +383,22 @@ std::string dial_rule(const DialResult& result, double tolerance, const BuildSta
 DialResult measure_strands(const Dial& dial, const Session& session, double budget) {
     DialResult result{dial, std::vector<SettingResult>(dial.settings.size()), 0, {}};
     const double end = wall_seconds() + budget;
-    const TimeLimit limit(session, 2.0 * budget); // the first round may take twice the budget
+    // The first round may take twice the budget, of which a simulation of the scene's own setting may take half. The
+    // procedurals of `scenes` read these limits as long as they live.
+    const TimeLimit limit(session, 2.0 * budget), own_limit(session, budget);
+    const auto limit_of = [&](size_t i) -> const TimeLimit& {
+        return coarsest_first(dial) && dial.settings[i].own ? own_limit : limit;
+    };
     std::vector<Shot> scenes(dial.settings.size());
     const auto load = [&](size_t i) {
         std::vector<std::string> changes = session.thinned;
         changes.insert(changes.end(), dial.settings[i].changes.begin(), dial.settings[i].changes.end());
-        scenes[i] = load_with(session.request, limit.stop(), changes);
+        scenes[i] = load_with(session.request, limit_of(i).stop(), changes);
     };
     // Does work for a setting. Returns whether it ended; if not, the setting is refused.
     const auto attempt = [&](size_t i, const auto& work) {
         try {
-            if (!limit.in_time(work)) result.settings[i].refused = no_time;
+            if (!limit_of(i).in_time(work)) result.settings[i].refused = no_time;
         } catch (const InputError& error) {
             result.settings[i].refused = "refused: " + error.problems.front().what;
         }
@@ -396,6 +412,7 @@ DialResult measure_strands(const Dial& dial, const Session& session, double budg
     std::map<size_t, World> waiting;                               // until there is a reference
     std::vector<SettingResult> by_attribute(dial.settings.size()); // of a dial of meshes
     const auto compare = [&](size_t i, const World& world) {
+        if (session.cancel.load()) throw Cancelled{};
         SettingResult& setting = result.settings[i];
         if (dial.error == DialError::surface || dial.error == DialError::view) {
             if (i == result.dial.reference) return; // no error
@@ -410,7 +427,7 @@ DialResult measure_strands(const Dial& dial, const Session& session, double budg
     };
     BuildStats own, by_tolerance;
     bool chosen = false;
-    double cheaper = 0.0; // wall seconds of a cheaper setting: those that follow take at least as long
+    double coarser = 0.0; // wall seconds of a coarser setting: finer ones take at least as long
     const double begin = wall_seconds();
     for (const size_t i : order) {
         SettingResult& setting = result.settings[i];
@@ -418,15 +435,16 @@ DialResult measure_strands(const Dial& dial, const Session& session, double budg
         if (!setting.refused.empty()) continue;
         if (!lost.empty() && lost != no_time)
             setting.refused = "not measured: its reference is refused";
-        else if (limit.left() <= cheaper)
+        else if (i != base && limit.left() <= coarser)
             setting.refused = no_time;
         if (!setting.refused.empty()) continue;
         session.progress.now(fmt::format("{}: {}", dial.name, dial.settings[i].label));
         FrameStats stats;
         World world;
         const double start = wall_seconds();
-        if (!attempt(i, [&] { world = build(scenes[i], dial, session, limit.stop(), stats); })) continue;
-        if (cheapest_first(dial) && i != base) cheaper = wall_seconds() - start;
+        if (!attempt(i, [&] { world = build(scenes[i], dial, session, limit_of(i).stop(), stats); }))
+            continue;
+        if (coarsest_first(dial) && i != base) coarser = wall_seconds() - start;
         rounds.add(i, seconds_of(dial, stats));
         if (dial.settings[i].own) own = stats.build;
         if (dial.settings[i].by_tolerance) by_tolerance = stats.build, chosen = true;
@@ -434,7 +452,7 @@ DialResult measure_strands(const Dial& dial, const Session& session, double budg
             reference = std::move(world);
             compare(i, reference);
         } else {
-            if (dial.error == DialError::surface) // the BVHs are not compared
+            if (dial.error == DialError::surface) // what comparing does not read would wait in memory
                 world.colliders.reset(), world.collider_scenes.clear();
             waiting.emplace(i, std::move(world));
         }
@@ -443,14 +461,13 @@ DialResult measure_strands(const Dial& dial, const Session& session, double budg
         waiting.clear();
     }
     if (!waiting.empty()) { // the reference was not measured
-        const auto slowest =
-            std::ranges::max_element(waiting, {}, [&](const auto& made) { return rounds.first(made.first); });
-        result.dial.reference = slowest->first;
+        const size_t finest = finest_measured(dial, rounds, base);
+        result.dial.reference = finest;
         result.dial.explain +=
-            fmt::format(" {} was not measured: errors are against {}, the slowest that was.",
-                        dial.settings[dial.reference].label, dial.settings[slowest->first].label);
-        reference = std::move(slowest->second);
-        waiting.erase(slowest);
+            fmt::format(" {} was not measured: errors are against {}, the finest that was.",
+                        dial.settings[dial.reference].label, dial.settings[finest].label);
+        reference = std::move(waiting.at(finest));
+        waiting.erase(finest);
         for (const auto& [k, made] : waiting) compare(k, made);
         waiting.clear();
     }
@@ -462,9 +479,9 @@ DialResult measure_strands(const Dial& dial, const Session& session, double budg
             if (!result.settings[i].refused.empty()) continue;
             session.progress.now(fmt::format("{}: {}", dial.name, dial.settings[i].label));
             FrameStats stats;
-            const bool ended = limit.in_time([&] {
+            const bool ended = limit_of(i).in_time([&] {
                 if (dial.error == DialError::surface) load(i); // a mesh that has been made would be kept
-                build(scenes[i], dial, session, limit.stop(), stats);
+                build(scenes[i], dial, session, limit_of(i).stop(), stats);
             });
             if (!ended) break;
             rounds.add(i, seconds_of(dial, stats));
@@ -578,30 +595,33 @@ void choose_strands(Session& session, Measurement& measurement) {
     all.time = "strands and BVH";
     FrameStats stats;
     const TimeLimit limit(session, session.progress.left());
-    measurement.built = limit.in_time([&] {
-        Shot whole = load_with(request, limit.stop(), {});
-        build(whole, all, session, limit.stop(), stats);
-        // One round over all dials costs about 100 builds of the scene's strands. Allow for about 3 rounds.
-        constexpr double builds = 300.0;
-        const double share = request.seconds / builds / std::max(seconds_of(all, stats), 1e-9);
-        if (share >= 1.0) return;
-        session.thinned = thinned(whole, share);
+    Shot whole, fewer;
+    const auto build_and_count = [&](Shot& shot) {
         stats = {};
-        Shot fewer = load_with(request, limit.stop(), session.thinned);
-        build(fewer, all, session, limit.stop(), stats);
-        measurement.left_out.push_back(
-            fmt::format("strands: {:.2g} % of them were measured, so that there is time for every setting; "
-                        "--seconds asks for more (the picture has them all)",
-                        100.0 * share));
-    });
-    if (!measurement.built) {
+        return limit.in_time([&] {
+            shot = load_with(request, limit.stop(), session.thinned);
+            build(shot, all, session, limit.stop(), stats);
+            measurement.built = true;
+            measurement.strands = stats.build.curves;
+            measurement.cvs = stats.build.cvs;
+            measurement.triangles = stats.build.triangles;
+        });
+    };
+    if (!build_and_count(whole)) {
         measurement.left_out.push_back(fmt::format(
             "every setting: the scene was not built within --seconds {:g}, give more", request.seconds));
         return;
     }
-    measurement.strands = stats.build.curves;
-    measurement.cvs = stats.build.cvs;
-    measurement.triangles = stats.build.triangles;
+    // One round over all dials costs about 100 builds of the scene's strands. Allow for about 3 rounds.
+    constexpr double builds = 300.0;
+    const double share = request.seconds / builds / std::max(seconds_of(all, stats), 1e-9);
+    if (share >= 1.0) return;
+    session.thinned = thinned(whole, share);
+    if (build_and_count(fewer))
+        measurement.left_out.push_back(
+            fmt::format("strands: {:.2g} % of them were measured, so that there is time for every setting; "
+                        "--seconds asks for more (the picture has them all)",
+                        100.0 * share));
 }
 
 } // namespace

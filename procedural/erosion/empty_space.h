@@ -44,7 +44,7 @@ class EmptySpace {
     EmptySpace(RTCScene scene, const Eigen::AlignedBox3d& box, int cells);
 
     const Vec3d& low() const { return low_; }
-    // Moves `t_clear` on in each of sixteen parabolas by `steps`, 1 or more: each as far as they stay in a ball that is
+    // Moves `t_clear` on in each of sixteen parabolas by `steps`, 1 or more, each as far as it stays in a ball that is
     // empty at the first motion sample. Its radius is a lower bound of at most 255/8 cells. Up to there, for points inside
     // the grid, it is too small by at most 3.5 cells and the extent of a leaf of Embree's BVH; within two cells of something
     // by half a cell in the mean.

@@ -211,7 +211,7 @@ MARRAM_INLINE VLong is_outside_horizontally(const GrainBox& box, const Wide3d& p
     return (s < box.start) | (s > box.s1) | (t < box.t0) | (t > box.t1);
 }
 
-float gravity_of_parabolas(const GrainTracer& tracer) {
+MARRAM_INLINE float gravity_of_parabolas(const GrainTracer& tracer) {
     return tracer.settings.drag_time > 0.0 ? 0.0F : float(tracer.settings.gravity);
 }
 
@@ -291,8 +291,8 @@ constexpr int32_t after_arc[] = {int32_t(Next::starts_arc), int32_t(Next::lands)
                                  int32_t(Next::leaves)};
 
 MARRAM_INLINE VInt next_of(const Parabolas8& p, VInt after) {
-    const VInt near = p.is_near ? VInt{} + int32_t(Next::is_near) : VInt{} + int32_t(Next::flies);
-    return p.t_clear >= p.t_max ? after : near;
+    const VInt before_end = p.is_near ? VInt{} + int32_t(Next::is_near) : VInt{} + int32_t(Next::flies);
+    return p.t_clear >= p.t_max ? after : before_end;
 }
 
 MARRAM_INLINE void store_arcs(bool drags, const Grains8& g, const Parabolas8& p, GrainBatch grains,
@@ -339,8 +339,8 @@ MARRAM_INLINE void load_parabolas(const std::array<const Grain*, lanes>& grains,
     to.t_max = rows[6], to.min_step = rows[7];
 }
 
-// The half of a batch that is in Grains16::half[n]. Where there is none, the first repeats.
-GrainBatch half_of(GrainBatch grains, size_t n) {
+// The half of a batch that is in Grains16::half[n]. Where there is none, the first grain repeats.
+MARRAM_INLINE GrainBatch half_of(GrainBatch grains, size_t n) {
     const size_t first = n * lanes;
     return first < grains.size() ? grains.subspan(first, std::min(grains.size() - first, size_t(lanes)))
                                  : grains.first(1);
@@ -367,15 +367,19 @@ MARRAM_HOT void store_both_arcs(const GrainTracer& tracer, const Grains16& g, Gr
                    next.data() + n * lanes);
 }
 
+struct alignas(64) After16 {
+    VInt half[2]; // of Next
+};
+
 MARRAM_HOT void load_both_parabolas(const std::array<std::array<const Grain*, lanes>, 2>& grains,
-                                    ParabolaPair& to, std::array<VInt, 2>& after) {
-    for (size_t n = 0; n < 2; ++n) load_parabolas(grains[n], to[n], after[n]);
+                                    ParabolaPair& to, After16& after) {
+    for (size_t n = 0; n < 2; ++n) load_parabolas(grains[n], to[n], after.half[n]);
 }
 
-MARRAM_HOT void find_next(const ParabolaPair& pair, const std::array<VInt, 2>& after, GrainBatch grains,
+MARRAM_HOT void find_next(const ParabolaPair& pair, const After16& after, GrainBatch grains,
                           NextOfGrains& next) {
     for (size_t n = 0; n < 2; ++n) {
-        const VInt nexts = next_of(pair[n], after[n]);
+        const VInt nexts = next_of(pair[n], after.half[n]);
         for (size_t k = n * lanes; k < std::min(grains.size(), (n + 1) * lanes); ++k) {
             grains[k]->parabola.t_clear = pair[n].t_clear[k % lanes];
             next[k] = Next(nexts[k % lanes]);
@@ -486,7 +490,7 @@ void start_arcs(const GrainTracer& tracer, GrainBatch grains, Grains16& g, NextO
 
 void follow_arcs(const GrainTracer& tracer, GrainBatch grains, NextOfGrains& next) {
     ParabolaPair pair;
-    std::array<VInt, 2> after;
+    After16 after;
     load_both_parabolas({all_lanes_of(half_of(grains, 0)), all_lanes_of(half_of(grains, 1))}, pair, after);
     pair[0].gravity = pair[1].gravity = gravity_of_parabolas(tracer);
     tracer.empty.step(pair, steps_at_once);

@@ -7,6 +7,7 @@
 #include "procedural/erosion/grain_tracer.h"
 
 #include <array>
+#include <cstddef>
 #include <cstdint>
 #include <span>
 
@@ -17,7 +18,7 @@ enum class ArcEnd : uint8_t { goes_on, lands, leaves, gives_up };
 // What comes next for a grain: it starts an arc, leaves the sand on which it has landed, flies on through empty space, needs
 // a ray as something may be near, has left the box or given up, or has ended and was counted.
 enum class Next : uint8_t { starts_arc, lands, flies, is_near, leaves, ends };
-inline constexpr size_t next_count = 6;
+inline constexpr size_t next_count = size_t(Next::ends) + 1;
 
 // Of an arc that hits nothing.
 struct GrainArcEnd {
@@ -35,6 +36,7 @@ struct GrainParabola {
     float clearance, t_clear; // nothing is hit before t_clear
     int32_t after;            // the Next at its end
 };
+static_assert(offsetof(GrainParabola, min_step) == 7 * sizeof(float));
 
 // A grain on an arc, which runs from one event to the next, at `end` if nothing is hit. A hit sets `end` and `normal` to its
 // own. The next arc begins there, with chords_left - end.chords. load_four() reads vectors together with the number behind

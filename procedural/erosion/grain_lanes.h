@@ -33,6 +33,7 @@ static_assert(offsetof(Grain, chord_time) == offsetof(Grain, v) + sizeof(Vec3d))
 static_assert(offsetof(Grain, chords_left) == offsetof(Grain, normal) + sizeof(Vec3d));
 static_assert(offsetof(Grain, chord_t0) == offsetof(Grain, acceleration) + sizeof(Vec3d));
 static_assert(offsetof(GrainArcEnd, time) == offsetof(GrainArcEnd, x) + sizeof(Vec3d));
+static_assert(offsetof(GrainArcEnd, chords) == offsetof(GrainArcEnd, v) + sizeof(Vec3d));
 template <typename F>
 MARRAM_INLINE void load_four(const std::array<const Grain*, lanes>& grains, Wide3d& xyz, VDouble& w, F&& f) {
     for (int half = 0; half < 2; ++half) {
@@ -72,25 +73,6 @@ MARRAM_INLINE void store_four(const Wide3d& xyz, const VDouble& w, GrainBatch gr
                                                                      reinterpret_cast<char*>(f(grain));
             std::memcpy(begin + (to - begin), &row[k], sizeof row[k]); // of the grain, beyond its vector
         }
-    }
-}
-
-// Row i, column j to row j, column i.
-MARRAM_INLINE void transpose(VFloat (&rows)[lanes]) {
-    VFloat pairs[lanes], fours[lanes];
-    for (int k = 0; k < lanes; k += 2) {
-        pairs[k] = __builtin_shufflevector(rows[k], rows[k + 1], 0, 8, 1, 9, 4, 12, 5, 13);
-        pairs[k + 1] = __builtin_shufflevector(rows[k], rows[k + 1], 2, 10, 3, 11, 6, 14, 7, 15);
-    }
-    for (int k = 0; k < lanes; k += 4)
-        for (int n = 0; n < 2; ++n) {
-            const VFloat a = pairs[k + n], b = pairs[k + 2 + n];
-            fours[k + 2 * n] = __builtin_shufflevector(a, b, 0, 1, 8, 9, 4, 5, 12, 13);
-            fours[k + 2 * n + 1] = __builtin_shufflevector(a, b, 2, 3, 10, 11, 6, 7, 14, 15);
-        }
-    for (int k = 0; k < 4; ++k) {
-        rows[k] = __builtin_shufflevector(fours[k], fours[k + 4], 0, 1, 2, 3, 8, 9, 10, 11);
-        rows[k + 4] = __builtin_shufflevector(fours[k], fours[k + 4], 4, 5, 6, 7, 12, 13, 14, 15);
     }
 }
 

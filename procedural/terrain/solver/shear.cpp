@@ -50,24 +50,6 @@ namespace {
 
 using ShearScratch = tbb::enumerable_thread_specific<WideVector<WideComplex>>;
 
-// Transposes eight vectors of eight.
-MARRAM_INLINE void shear_transpose(VFloat* r) {
-    std::array<VFloat, 8> a{}, b{};
-    for (int i = 0; i < 8; i += 2) { // pairs within each half of 4
-        a[i] = __builtin_shufflevector(r[i], r[i + 1], 0, 8, 2, 10, 4, 12, 6, 14);
-        a[i + 1] = __builtin_shufflevector(r[i], r[i + 1], 1, 9, 3, 11, 5, 13, 7, 15);
-    }
-    for (int i = 0; i < 8; i += 4)
-        for (int k = 0; k < 2; ++k) {
-            b[i + k] = __builtin_shufflevector(a[i + k], a[i + k + 2], 0, 1, 8, 9, 4, 5, 12, 13);
-            b[i + k + 2] = __builtin_shufflevector(a[i + k], a[i + k + 2], 2, 3, 10, 11, 6, 7, 14, 15);
-        }
-    for (int i = 0; i < 4; ++i) {
-        r[i] = __builtin_shufflevector(b[i], b[i + 4], 0, 1, 2, 3, 8, 9, 10, 11);
-        r[i + 4] = __builtin_shufflevector(b[i], b[i + 4], 4, 5, 6, 7, 12, 13, 14, 15);
-    }
-}
-
 // Transforms sixteen columns as eight complex ones, separates them, and stores them column by column in
 // blocks of eight wave numbers.
 MARRAM_HOT void shear_forward(const Transform& transform, const float* surface, size_t pitch, size_t columns,
@@ -84,8 +66,8 @@ MARRAM_HOT void shear_forward(const Transform& transform, const float* surface, 
             u_re[l] = 0.5F * (a.re + b.re), u_im[l] = 0.5F * (a.im - b.im);
             v_re[l] = 0.5F * (a.im + b.im), v_im[l] = 0.5F * (b.re - a.re);
         }
-        shear_transpose(u_re.data()), shear_transpose(u_im.data());
-        shear_transpose(v_re.data()), shear_transpose(v_im.data());
+        transpose(u_re.data()), transpose(u_im.data());
+        transpose(v_re.data()), transpose(v_im.data());
         for (size_t l = 0; l < 8; ++l) {
             if (l < columns) spectrum[l * blocks + block] = {u_re[l], u_im[l]};
             if (l + 8 < columns) spectrum[(l + 8) * blocks + block] = {v_re[l], v_im[l]};
@@ -158,8 +140,8 @@ MARRAM_HOT void shear_inverse(const Transform& transform, const WideComplex* alo
             x_re[l] = along[l * blocks + block].re, x_im[l] = along[l * blocks + block].im;
             y_re[l] = across[l * blocks + block].re, y_im[l] = across[l * blocks + block].im;
         }
-        shear_transpose(x_re.data()), shear_transpose(x_im.data());
-        shear_transpose(y_re.data()), shear_transpose(y_im.data());
+        transpose(x_re.data()), transpose(x_im.data());
+        transpose(y_re.data()), transpose(y_im.data());
         for (size_t l = 0; l < 8; ++l) {
             const size_t k = block * 8 + l;
             if (2 * k > n) break;

@@ -23,6 +23,9 @@ double empty_radius(const EmptySpace& empty, const Vec3d& p) {
     paths.v[1][3] = 1.0F;
     paths.t_max[3] = 1e6F;
     empty.step(pair, 1);
+    if (!(paths.t_clear[3] > 0.0F)) {
+        EXPECT_EQ(paths.is_near[3], -1) << "it needs a ray";
+    }
     return double(paths.t_clear[3]);
 }
 
@@ -78,6 +81,11 @@ TEST(EmptySpace, AStepStaysInsideTheBall) {
         const auto t = double(paths.t_clear[0]);
         const Vec3d way = t * v - 0.5 * gravity * t * t * Vec3d::UnitY();
         EXPECT_LE(way.norm(), radius * (1.0 + 1e-5) + 1e-6);
+        empty.step(pair, 1);
+        const float twice = paths.t_clear[0];
+        paths.t_clear[0] = 0.0F;
+        empty.step(pair, 2);
+        EXPECT_EQ(paths.t_clear[0], twice);
     }
 }
 

@@ -207,6 +207,15 @@ TEST(Simd, floor_and_cell) {
     }
 }
 
+TEST(Simd, rows_become_columns) {
+    VFloat rows[lanes];
+    for (int i = 0; i < lanes; ++i)
+        for (int j = 0; j < lanes; ++j) rows[i][j] = float(10 * i + j);
+    transpose(rows);
+    for (int i = 0; i < lanes; ++i)
+        for (int j = 0; j < lanes; ++j) EXPECT_EQ(rows[i][j], float(10 * j + i)) << i << " " << j;
+}
+
 TEST(Simd, ramps_agree_with_the_scalar_ones) {
     const std::vector<double> knots = {-1.0, 0.3, 0.25, 1.0, 0.25001, 0.2, 3.0, 0.7};
     for (const char* interpolation : {"linear", "smooth", "constant"}) {

@@ -2,7 +2,7 @@
 // The settings of each dial are run in interleaved rounds, and the result is the median of the rounds' time
 // ratios, so that slow changes of the machine's speed cancel. The first round measures the errors and warms
 // up: its times count only if there is no second. The time is divided among the dials by their weights. A
-// setting that does not end in its dial's time is cancelled (TimeLimit), and the report lists it as not measured.
+// setting that does not end in twice its dial's time is cancelled (TimeLimit), and the report lists it as not measured.
 #include "core/measure/measure.h"
 
 #include "core/geometry/curve_compare.h"
@@ -163,8 +163,9 @@ std::vector<size_t> order_of(const Dial& dial, size_t base) {
     return order;
 }
 
-// What errors refer to if there was no time for the reference: the finest setting that was measured. The scene's own is
-// finer than the others if it took clearly longer.
+// What errors refer to if there was no time for the reference: the finest setting that was measured. Those before the reference
+// are sorted. Where the base belongs among them is not known, but what is finer takes longer: half as much again is more than
+// times differ by chance, and less than the next setting takes.
 size_t finest_measured(const Dial& dial, const Rounds& rounds, size_t base) {
     size_t finest = base;
     for (size_t i = 0; i < dial.settings.size(); ++i)
@@ -383,8 +384,8 @@ std::string dial_rule(const DialResult& result, double tolerance, const BuildSta
 DialResult measure_strands(const Dial& dial, const Session& session, double budget) {
     DialResult result{dial, std::vector<SettingResult>(dial.settings.size()), 0, {}};
     const double end = wall_seconds() + budget;
-    // The first round may take twice the budget, of which a simulation of the scene's own setting may take half. The
-    // procedurals of `scenes` read these limits as long as they live.
+    // The first round may take twice the budget, so that a dial with a dear setting gets one round rather than none. Of this a
+    // simulation of the scene's own setting may take half. The procedurals of `scenes` read these limits as long as they live.
     const TimeLimit limit(session, 2.0 * budget), own_limit(session, budget);
     const auto limit_of = [&](size_t i) -> const TimeLimit& {
         return coarsest_first(dial) && dial.settings[i].own ? own_limit : limit;

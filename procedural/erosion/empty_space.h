@@ -45,9 +45,9 @@ class EmptySpace {
 
     const Vec3d& low() const { return low_; }
     // Moves `t_clear` on in each of sixteen parabolas by `steps`, 1 or more, each as far as it stays in a ball that is
-    // empty at the first motion sample. Its radius is a lower bound of at most 255/8 cells. Up to there, for points inside
-    // the grid, it is too small by at most 3.5 cells and the extent of a leaf of Embree's BVH; within two cells of something
-    // by half a cell in the mean.
+    // empty at the first motion sample (later ones are not looked at). The ball's radius is a lower bound: at most 255/8
+    // cells; below that, for points inside the grid, too small by at most 3.5 cells and the extent of a leaf of Embree's BVH,
+    // and on average by half a cell within two cells of something.
     void step(ParabolaPair& parabolas, int steps) const;
 
   private:

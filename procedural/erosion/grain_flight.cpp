@@ -234,6 +234,7 @@ MARRAM_INLINE void set_parabolas(const GrainTracer& tracer, const VDouble& arc_l
                        low_32_bits(to_double(end) < g.end)); // the first float that is not before the end
     p.t_clear = VFloat{};
     p.gravity = gravity_of_parabolas(tracer);
+    // No step is long enough where a ray is needed: the hook wants them all, and outside the box nothing is known.
     VLong needs_ray = tracer.hooks.rays ? all_lanes : VLong{};
     if (drags)
         needs_ray = needs_ray | is_outside_horizontally(tracer.box, g.x) |
@@ -287,11 +288,11 @@ MARRAM_INLINE void find_arcs(const GrainTracer& tracer, Grains8& g, Parabolas8& 
 }
 
 // What comes next after ArcEnd.
-constexpr int32_t after_arc[] = {int32_t(Next::starts_arc), int32_t(Next::lands), int32_t(Next::leaves),
-                                 int32_t(Next::leaves)};
+constexpr int32_t after_arc[] = {int32_t(Next::start_arc), int32_t(Next::leave_sand),
+                                 int32_t(Next::end_flight), int32_t(Next::end_flight)};
 
 MARRAM_INLINE VInt next_of(const Parabolas8& p, VInt after) {
-    const VInt before_end = p.is_near ? VInt{} + int32_t(Next::is_near) : VInt{} + int32_t(Next::flies);
+    const VInt before_end = p.is_near ? VInt{} + int32_t(Next::trace_ray) : VInt{} + int32_t(Next::fly);
     return p.t_clear >= p.t_max ? after : before_end;
 }
 
@@ -321,7 +322,7 @@ MARRAM_INLINE void store_arcs(bool drags, const Grains8& g, const Parabolas8& p,
         grain.parabola.clearance = p.clearance[k], grain.parabola.t_clear = p.t_clear[k];
         grain.parabola.after = after[k];
         grain.end.how = ArcEnd(how[k]), grain.end.side = GrainSide(side[k]);
-        grain.chord = uint32_t(1 + has_first[int(k)]);
+        grain.chord = has_first[int(k)] != 0 ? 0 : 1;
         next[k] = Next(nexts[k]);
     }
 }

@@ -15,12 +15,12 @@ namespace marram {
 
 enum class ArcEnd : uint8_t { goes_on, lands, leaves, gives_up };
 
-// What comes next for a grain: it starts an arc, leaves the sand on which it has landed, flies on through empty space, needs
-// a ray as something may be near, has left the box or given up, or has ended and was counted.
-enum class Next : uint8_t { starts_arc, lands, flies, is_near, leaves, ends };
-inline constexpr size_t next_count = size_t(Next::ends) + 1;
+// What is to be done with a grain next: start an arc, leave the sand on which it has landed, follow its arc through empty
+// space, trace a ray along it, end its flight (it has left the box or gives up). none: it has ended.
+enum class Next : uint8_t { start_arc, leave_sand, fly, trace_ray, end_flight, none };
+inline constexpr size_t next_count = size_t(Next::none) + 1;
 
-// Of an arc that hits nothing.
+// The state at the end of an arc: where it leads if it hits nothing, then where it has hit.
 struct GrainArcEnd {
     Vec3d x;
     double time = 0.0; // s after the start
@@ -30,7 +30,8 @@ struct GrainArcEnd {
     GrainSide side = GrainSide::downwind; // by which it leaves
 };
 
-// The test of an arc for empty space: a lane of Parabolas8 without gravity. Eight floats are read and written together.
+// The test of an arc for empty space: a lane of Parabolas8 (gravity is that of the trace). Its first eight floats are read
+// and written together.
 struct GrainParabola {
     float x[3], v[3], t_max, min_step;
     float clearance, t_clear; // nothing is hit before t_clear
@@ -39,8 +40,8 @@ struct GrainParabola {
 static_assert(offsetof(GrainParabola, min_step) == 7 * sizeof(float));
 
 // A grain on an arc, which runs from one event to the next, at `end` if nothing is hit. A hit sets `end` and `normal` to its
-// own. The next arc begins there, with chords_left - end.chords. load_four() reads vectors together with the number behind
-// them.
+// own. The next arc begins there, with chords_left - end.chords. The order of members matters: load_four() and store_four()
+// move a vector and the double that follows it together.
 struct Grain {
     Vec3d x; // at the start of the arc
     double first_chord_time = 0.0;
@@ -51,7 +52,7 @@ struct Grain {
     GrainArcEnd end;
     Vec3d acceleration;                    // set if there is drag
     double chord_t0 = 0.0, chord_t1 = 0.0; // ends of the chord that a ray traces, s
-    uint32_t chord = 0;                    // that, or the next
+    uint32_t chord = 0;                    // its number, or that of the next; 0: the first one
     uint32_t path = 0;
     int64_t energy = 0; // quanta after the last event
     uint32_t hits = 0, landings = 0;

@@ -92,7 +92,7 @@
 namespace marram {
 namespace {
 
-constexpr size_t grain_window = 40;                        // rays in a batch, at most
+constexpr size_t most_rays = 40;                           // in a batch
 constexpr uint64_t least_block = 4096, most_block = 65536; // grains per task
 
 int64_t grain_quanta(double energy) { return int64_t(energy / grain_quantum + 0.5); } // energy: 0 or more
@@ -146,7 +146,7 @@ int64_t energy_after_flight(GrainCounts& counts, const Grain& grain, const Vec3d
 Next end_grain(GrainCounts& counts, const Grain& grain, const Vec3d& v, uint64_t& as) {
     counts.ended += energy_after_flight(counts, grain, v);
     ++as;
-    return Next::ends;
+    return Next::none;
 }
 
 // At a hit of the traced chord.
@@ -188,7 +188,7 @@ Next hit_rock(GrainTracer& tracer, GrainCounts& counts, Grain& grain, const Grai
         left + s.gravity * std::max(hit.x.y() - tracer.box.y0, 0.0) < tracer.threshold)
         return end_grain(counts, grain, hit.rebound, counts.spent);
     if (grain.hits >= s.most_hits) return end_grain(counts, grain, hit.rebound, counts.given_up);
-    return Next::starts_arc;
+    return Next::start_arc;
 }
 
 // The grain continues, slightly above the surface.
@@ -197,7 +197,7 @@ Next grazes(GrainCounts& counts, Grain& grain, const GrainHit& hit) {
     const double lack = min_rebound_sine * hit.v.norm() - hit.v.dot(hit.normal);
     set_end(grain, hit, lack > 0.0 ? Vec3d(hit.v + lack * hit.normal) : hit.v);
     grain.energy = energy_after_flight(counts, grain, grain.end.v);
-    return Next::starts_arc;
+    return Next::start_arc;
 }
 
 void end_flight(GrainCounts& counts, const Grain& grain) {
@@ -211,20 +211,21 @@ Next handle_hit(GrainTracer& tracer, GrainCounts& counts, Grain& grain, const Gr
                 const WornPlace& place, unsigned id) {
     if (std::binary_search(tracer.sand.begin(), tracer.sand.end(), id)) {
         set_end(grain, hit, hit.v);
-        return Next::lands;
+        return Next::leave_sand;
     }
     if (hit.sine > 0.0) return hit_rock(tracer, counts, grain, hit, place);
     return grazes(counts, grain, hit); // the chord hits a surface that the path is leaving
 }
 
 // Handles grains in batches: sixteen that start, leave sand, begin an arc or fly on, eight that need a ray or have hit
-// something, and up to 40 rays. Between two batches a grain waits in the queue for what comes next.
+// something, and up to 40 rays. Between two batches a grain waits for what is to be done next. New grains start only if nothing
+// else fills a batch, which bounds their number.
 class GrainWavefront {
   public:
     GrainWavefront(GrainTracer& tracer, uint64_t first, uint64_t end, GrainCounts& counts)
         : tracer_(tracer), counts_(counts), paths_(ordered_paths(tracer, first, end)), grains_(most_grains),
-          rays_(grain_window) {
-        for (uint32_t slot = 0; slot < most_grains; ++slot) put(slot, Next::ends);
+          rays_(most_rays) {
+        for (uint32_t slot = 0; slot < most_grains; ++slot) put(slot, Next::none);
     }
 
     void trace() {
@@ -235,8 +236,8 @@ class GrainWavefront {
     }
 
   private:
-    // A window of rays, less than a batch in each queue, and a batch that starts.
-    static constexpr size_t most_grains = grain_window + lanes + 5 * grains_at_once;
+    // A batch of rays, less than a batch on each stack, and a batch that starts.
+    static constexpr size_t most_grains = most_rays + lanes + 5 * grains_at_once;
     struct TracedHit {
         uint32_t slot;
         const RTCRayHit* ray;
@@ -244,55 +245,55 @@ class GrainWavefront {
     };
 
     size_t waiting(Next next) const { return waiting_[size_t(next)]; }
-    void put(uint32_t slot, Next next) { queues_[size_t(next)][waiting_[size_t(next)]++] = slot; }
+    void put(uint32_t slot, Next next) { stacks_[size_t(next)][waiting_[size_t(next)]++] = slot; }
     void put_batch(GrainBatch batch) {
         for (size_t k = 0; k < batch.size(); ++k) put(batch_slots_[k], next_[k]);
     }
 
     // false: all grains have ended.
     bool handle_batch() {
-        if (waiting(Next::is_near) >= lanes)
+        if (waiting(Next::trace_ray) >= lanes)
             set_rays();
-        else if (waiting(Next::flies) >= grains_at_once)
+        else if (waiting(Next::fly) >= grains_at_once)
             follow_arcs();
-        else if (waiting(Next::lands) >= grains_at_once)
+        else if (waiting(Next::leave_sand) >= grains_at_once)
             leave_sand();
-        else if (waiting(Next::starts_arc) >= grains_at_once)
+        else if (waiting(Next::start_arc) >= grains_at_once)
             start_arcs();
-        else if (waiting(Next::leaves) >= grains_at_once)
+        else if (waiting(Next::end_flight) >= grains_at_once)
             end_flights();
         else if (next_path_ < paths_.size())
             emit_grains();
-        else if (waiting(Next::lands) > 0)
+        else if (waiting(Next::leave_sand) > 0)
             leave_sand();
-        else if (waiting(Next::starts_arc) > 0)
+        else if (waiting(Next::start_arc) > 0)
             start_arcs();
-        else if (waiting(Next::flies) > 0)
+        else if (waiting(Next::fly) > 0)
             follow_arcs();
-        else if (waiting(Next::is_near) > 0)
+        else if (waiting(Next::trace_ray) > 0)
             set_rays();
         else if (!ray_queue_.empty())
             trace_rays();
-        else if (waiting(Next::leaves) > 0)
+        else if (waiting(Next::end_flight) > 0)
             end_flights();
         else
             return false;
         return true;
     }
 
-    // The last slots of a queue, and their grains.
+    // The last slots that were put on a stack, as their grains may still be in the cache.
     GrainBatch take(Next next, size_t most) {
-        size_t& in_queue = waiting_[size_t(next)];
-        const size_t count = std::min(in_queue, most);
+        size_t& on_stack = waiting_[size_t(next)];
+        const size_t count = std::min(on_stack, most);
         for (size_t k = 0; k < count; ++k) {
-            batch_slots_[k] = queues_[size_t(next)][--in_queue];
+            batch_slots_[k] = stacks_[size_t(next)][--on_stack];
             batch_[k] = &grains_[batch_slots_[k]];
         }
         return {batch_.data(), count};
     }
 
     void emit_grains() {
-        const GrainBatch batch = take(Next::ends, std::min(paths_.size() - next_path_, grains_at_once));
+        const GrainBatch batch = take(Next::none, std::min(paths_.size() - next_path_, grains_at_once));
         for (Grain* grain : batch) grain->path = paths_[next_path_++], grain->hits = grain->landings = 0;
         marram::emit_grains(tracer_, batch, states_);
         for (size_t k = 0; k < batch.size(); ++k)
@@ -302,39 +303,39 @@ class GrainWavefront {
     }
 
     void leave_sand() {
-        const GrainBatch batch = take(Next::lands, grains_at_once);
+        const GrainBatch batch = take(Next::leave_sand, grains_at_once);
         load_grains(batch, states_);
         marram::leave_sand(tracer_, batch, states_);
         uint32_t settle = 0;
         for (size_t k = 0; k < batch.size(); ++k)
             settle |= uint32_t(!count_landing(tracer_, counts_, *batch[k], states_.velocity(k))) << k;
         marram::start_arcs(tracer_, batch, states_, next_);
-        for (; settle != 0; settle &= settle - 1) next_[size_t(std::countr_zero(settle))] = Next::ends;
+        for (; settle != 0; settle &= settle - 1) next_[size_t(std::countr_zero(settle))] = Next::none;
         put_batch(batch);
     }
 
     void start_arcs() {
-        const GrainBatch batch = take(Next::starts_arc, grains_at_once);
+        const GrainBatch batch = take(Next::start_arc, grains_at_once);
         load_grains(batch, states_);
         marram::start_arcs(tracer_, batch, states_, next_);
         put_batch(batch);
     }
 
     void follow_arcs() {
-        const GrainBatch batch = take(Next::flies, grains_at_once);
+        const GrainBatch batch = take(Next::fly, grains_at_once);
         marram::follow_arcs(tracer_, batch, next_);
         put_batch(batch);
     }
 
     void end_flights() {
-        const GrainBatch batch = take(Next::leaves, grains_at_once);
+        const GrainBatch batch = take(Next::end_flight, grains_at_once);
         for (size_t k = 0; k < batch.size(); ++k)
-            end_flight(counts_, *batch[k]), put(batch_slots_[k], Next::ends);
+            end_flight(counts_, *batch[k]), put(batch_slots_[k], Next::none);
     }
 
     void set_rays() {
-        if (ray_queue_.size() + lanes > grain_window) trace_rays();
-        const GrainBatch batch = take(Next::is_near, lanes);
+        if (ray_queue_.size() + lanes > most_rays) trace_rays();
+        const GrainBatch batch = take(Next::trace_ray, lanes);
         const std::span<RTCRayHit> rays = std::span(rays_).subspan(ray_queue_.size(), batch.size());
         const uint32_t fails = marram::set_rays(tracer_, batch, rays);
         size_t count = 0;
@@ -353,7 +354,7 @@ class GrainWavefront {
         if (tracer_.hooks.rays) tracer_.hooks.rays(rays);
         size_t prefetched = 0;
         for (size_t k = 0; k < rays.size(); ++k) {
-            marram_intersect1(tracer_.scene, &rays[k], 0); // a stream takes a third longer
+            marram_intersect1(tracer_.scene, &rays[k], 0); // rtcIntersect1M takes a third longer
             const uint32_t slot = ray_queue_[k];
             if (rays[k].hit.geomID != RTC_INVALID_GEOMETRY_ID) {
                 hits_.push_back({slot, &rays[k], worn_place(tracer_, rays[k])});
@@ -361,7 +362,7 @@ class GrainWavefront {
                 if (hits_.size() > 1) prefetch_corners(tracer_, hits_[prefetched++].place);
             } else {
                 Grain& grain = grains_[slot];
-                put(slot, advance_chord(grain) ? Next::flies : Next(grain.parabola.after));
+                put(slot, advance_chord(grain) ? Next::fly : Next(grain.parabola.after));
             }
         }
         if (!hits_.empty()) prefetch_corners(tracer_, hits_.back().place);
@@ -392,7 +393,8 @@ class GrainWavefront {
     std::vector<RTCRayHit> rays_;
     std::vector<TracedHit> hits_;
     std::vector<uint32_t> ray_queue_;
-    std::array<std::array<uint32_t, most_grains>, next_count> queues_{}; // of slots; those of `ends` are free
+    std::array<std::array<uint32_t, most_grains>, next_count>
+        stacks_{}; // of slots of grains; Next::none: free ones
     std::array<size_t, next_count> waiting_{};
     Grains16 states_{};
     std::array<Grain*, grains_at_once> batch_{};

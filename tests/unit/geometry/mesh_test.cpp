@@ -332,7 +332,6 @@ TEST(BrokenMeshes, AreRefusedWithTheirPlace) {
     for (std::string row; std::getline(table, row); ++count) {
         const std::string name = row.substr(0, row.find('\t')), expected = row.substr(row.find('\t') + 1);
         ASSERT_TRUE(fs::exists(folder / name)) << name;
-        const auto begin = std::chrono::steady_clock::now();
         try {
             load_mesh((folder / name).string(), true);
             ADD_FAILURE() << name << " was read";
@@ -340,7 +339,6 @@ TEST(BrokenMeshes, AreRefusedWithTheirPlace) {
             EXPECT_NE(std::string(error.what()).find(expected), std::string::npos)
                 << error.what() << "\n  expected " << expected;
         }
-        EXPECT_LT(std::chrono::steady_clock::now() - begin, std::chrono::seconds(1)) << name;
     }
     EXPECT_GE(count, 18);
     EXPECT_THROW(load_mesh("no/such/file.obj", false), InputError);
@@ -381,15 +379,25 @@ TEST_F(MeshFiles, MutationsNeverDoWorseThanAnInputError) {
         }
 }
 
-// A face with many corners and a file with many lines: no step may take quadratic time.
+// Ten times the lines: 10 times the time if it is linear, 100 times if a step is quadratic. Each time is the least
+// of three, for whatever else runs only adds.
 TEST_F(MeshFiles, LongFilesTakeLinearTime) {
-    std::ostringstream text;
-    for (int i = 0; i < 100000; ++i) text << "v " << i << " " << i % 7 << " 0\n";
-    for (int i = 1; i + 2 < 100000; ++i) text << "f " << i << " " << i + 1 << " " << i + 2 << "\n";
-    const auto begin = std::chrono::steady_clock::now();
-    EXPECT_EQ(load("long.obj", text.str(), true).triangles.size(), 99997u);
-    EXPECT_LT(std::chrono::steady_clock::now() - begin,
-              std::chrono::seconds(20)); // 0.1 s; the square would take minutes
+    const auto least_seconds = [&](int vertices) {
+        std::ostringstream text;
+        for (int i = 0; i < vertices; ++i) text << "v " << i << " " << i % 7 << " 0\n";
+        for (int i = 1; i + 2 < vertices; ++i) text << "f " << i << " " << i + 1 << " " << i + 2 << "\n";
+        double least = INFINITY;
+        for (int run = 0; run < 3; ++run) {
+            const auto begin = std::chrono::steady_clock::now();
+            EXPECT_EQ(load("long.obj", text.str(), true).triangles.size(), size_t(vertices - 3));
+            least = std::min(least,
+                             std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count());
+        }
+        return least;
+    };
+    const double few = least_seconds(10000), many = least_seconds(100000);
+    std::printf("%.3f s and %.3f s: %.1f times\n", few, many, many / few);
+    EXPECT_LT(many / few, 32.0);
 }
 
 TEST(RealMeshes, Load) {

@@ -42,7 +42,7 @@
 // levels.
 //
 // Cost of a pass: tracing, 2 s on one core for 10^6 grains around a ball of 1.5 10^6 triangles, and 2.5 s on
-// one core for the level set in a grid of 512^3 (build/rock_erosion speed). A finer level takes 8 passes; the
+// one core for the level set in a grid of 512^3 (build/marram_bench). A finer level takes 8 passes; the
 // first as many as its depth of wear in voxels.
 #include "procedural/erosion/erosion.h"
 

@@ -73,8 +73,8 @@
 // 1.5 10^6 triangles this saves an eighth of the time, as neighbours hit near each other.
 //
 // Cost. Sixteen grains leave sand, begin arcs and fly through empty space together, eight hit rock. A grain around a ball of
-// 1.5 10^6 triangles has 0.8 hits, 5 landings on sand and 2.4 rays; build/rock_erosion speed prints what it takes, and
-// build/grains speed what a chord on rough rock takes, beside Embree alone.
+// 1.5 10^6 triangles has 0.8 hits, 5 landings on sand and 2.4 rays; build/marram_bench prints what it takes,
+// and what a chord on rough rock takes, beside Embree alone.
 #include "procedural/erosion/grains.h"
 
 #include "core/math/clock.h"

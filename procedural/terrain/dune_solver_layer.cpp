@@ -24,7 +24,7 @@
 // degrees of such a field; the report has their number; each after the first adds half of the cost of a step.
 // The report has the drift potential and its resultant (dp, rdp, kg / (m s)) and their ratio, without the field.
 //
-// Time and cost. A time step costs about 40 ns a sample on two cores (build/dune_solver speed). It is seconds
+// Time and cost. A time step costs about 40 ns a sample on two cores (build/marram_bench). It is seconds
 // to hours long: shorter for finer cells (with the square of the cell) and stronger wind, and set by `stability`.
 // The report has the number of steps. `marram measure` shows time against error for cell, stability
 // and shear_resolution.

@@ -5,13 +5,13 @@
 //     build/marram_bench                                        all
 //     build/marram_bench --benchmark_filter=literal             some
 //     build/marram_bench --benchmark_out=bench.json             as JSON, too
+#include "core/math/median.h"
 #include "tests/bench/product.h"
 #include "tests/bench/workload.h"
 
 #include <benchmark/benchmark.h>
 #include <tbb/global_control.h>
 
-#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <map>
@@ -19,11 +19,6 @@
 
 namespace marram::bench {
 namespace {
-
-double median(std::vector<double> values) {
-    std::nth_element(values.begin(), values.begin() + long(values.size() / 2), values.end());
-    return values[values.size() / 2];
-}
 
 // Runs both sides of a ratio in turns. Counters: the ratio, its goal (an upper bound; 0: none), and both
 // times in milliseconds.

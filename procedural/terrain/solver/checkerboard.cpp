@@ -14,7 +14,7 @@
 // the square of the drift (columns per row), 1 at 45 degrees. Moves are whole units and at most a quarter of
 // a sample's sand.
 //
-// Cost: part of `march` in build/dune_solver speed; nothing for winds along the grid.
+// Cost: part of `march` in build/marram_bench; nothing for winds along the grid.
 #include "procedural/terrain/solver/checkerboard.h"
 
 #include "core/math/simd.h"

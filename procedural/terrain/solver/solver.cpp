@@ -42,7 +42,7 @@
 // winds everywhere along each of a few directions, at most 15 degrees apart, and every cell takes the mean of its
 // two neighbours among them, weighted by angle. The perturbations are relative to the local wind, so they vary
 // little between these directions. Flux and its relaxation take the exact local direction and strength. Each
-// direction after the first adds half of the cost of a step (build/dune_solver speed).
+// direction after the first adds half of the cost of a step (build/marram_bench).
 //
 // Plants (O. Duran and H. Herrmann, "Vegetation against dune mobility", Phys. Rev. Lett. 97, 2006) have a
 // height p that grows towards P and loses what the ground rises (burial) or sinks (root exposure); V is the
@@ -54,7 +54,7 @@
 // moves more slowly than plants grow at its horns becomes a parabolic dune; a faster one stays bare. The
 // growth is exact for steady ground.
 //
-// Cost and memory: build/dune_solver speed (figures dune_step and dune_memory of tests/README.md). Of the memory 60
+// Cost and memory: build/marram_bench (figures dune_step and dune_memory of tests/README.md). Of the memory 60
 // bytes a cell are arrays; 4 more with plants, 16 more if they grow, 12 more with wakes (16 if they grow), 28 more
 // with a wind field.
 #include "procedural/terrain/solver/solver.h"

@@ -14,7 +14,7 @@
 // shadow dunes", J. Sediment. Petrol. 51, 1981). A tail is as wide as the tuft at its start; avalanches make it
 // a ridge.
 //
-// Cost: 3 ns a cell on one core, 10 if plants grow (build/dune_solver speed). Memory: 8 bytes a cell, 12
+// Cost: 3 ns a cell on one core, 10 if plants grow (build/marram_bench). Memory: 8 bytes a cell, 12
 // if plants grow, and more for oblique winds over open ground. Deficits below 1/10,000 are cut to 0.
 #include "procedural/terrain/solver/wake.h"
 

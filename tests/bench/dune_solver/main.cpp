@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Measures the dune solver against theory and field data, and prints tables.
+// Measures the dune solver against theory and field data, and prints tables. Its speed: build/marram_bench.
 //
 //     dune_solver waves         growth and speed of small waves against linear theory
-//     dune_solver speed [size]  time per cell and step, by stage, and memory; 256^2 to 4096^2
 //     dune_solver barchans [n] [u*] [B]  height, width, length and celerity of n sizes after three turnovers (7; the
 //                               smallest has no slip face)
 //     dune_solver ridges [B]    transverse ridges: celerity against the flux over the brink
@@ -21,18 +20,12 @@
 #include "core/math/hash.h"
 
 #include <tbb/global_control.h>
-#include <tbb/scalable_allocator.h>
-
-#include <malloc.h>
 
 #include <algorithm>
 #include <array>
-#include <chrono>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
-#include <ctime>
-#include <fstream>
 #include <string>
 #include <tuple>
 
@@ -69,87 +62,6 @@ std::vector<SandUnits> rough_cover(const Domain& domain, double depth, double ro
     for (size_t k = 0; k < sand.size(); ++k)
         sand[k] = sand_units(depth + roughness * (unit_double(hash(7, k)) - 0.5));
     return sand;
-}
-
-// Bytes of memory that are in use, of this process. `peak`: the most since the last reset_peak_memory().
-double memory_in_use(bool peak) {
-    std::ifstream status("/proc/self/status");
-    for (std::string line; std::getline(status, line);)
-        if (line.starts_with(peak ? "VmHWM:" : "VmRSS:")) return 1024.0 * std::atof(line.c_str() + 6);
-    return 0.0;
-}
-void return_freed_memory() {
-    malloc_trim(0);
-    scalable_free(scalable_malloc(1)); // cleaning crashes before the first allocation
-    scalable_allocation_command(TBBMALLOC_CLEAN_ALL_BUFFERS, nullptr);
-}
-// Returns false where the system does not allow it.
-bool reset_peak_memory() { return bool(std::ofstream("/proc/self/clear_refs") << 5 << std::flush); }
-
-void print_speed_of(const char* name, int n, const float* plants, const WindField& field,
-                    const DuneSolverSettings& settings) {
-    const Domain domain{n, n, 1.0, 0.0, 0.0};
-    std::vector<float> rock(domain.count(), 0.0F);
-    std::vector<SandUnits> sand(domain.count());
-    for (int j = 0; j < n; ++j)
-        for (int i = 0; i < n; ++i) {
-            const double a = 2.0 * pi * i / 32.0, b = 2.0 * pi * j / 64.0;
-            sand[domain.index(i, j)] =
-                sand_units(5.0 + 1.2 * std::sin(a + std::sin(b)) + 0.3 * std::sin(2 * a + b));
-        }
-    return_freed_memory(); // of earlier solvers
-    const double memory = reset_peak_memory() ? memory_in_use(false) : std::nan("");
-    DuneSolver solver(domain, settings, rock.data(), sand.data(), plants, field);
-    const SandWind wind{std::cos(30.0 * degree), std::sin(30.0 * degree), 0.4};
-    const int steps = std::max(8, int(4e6 / double(domain.count())));
-    solver.step(wind, 1e9), solver.step(wind, 1e9);
-    const DuneTimes before = solver.times();
-    std::vector<double> times;
-    const std::clock_t cpu = std::clock();
-    for (int k = 0; k < steps; ++k) {
-        const auto start = std::chrono::steady_clock::now();
-        solver.step(wind, 1e9);
-        times.push_back(std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count());
-    }
-    const double busy = double(std::clock() - cpu) / CLOCKS_PER_SEC; // CPU time of all cores together
-    std::sort(times.begin(), times.end());
-    const double cells = 1e9 / double(domain.count()), median = times[times.size() / 2], mean = cells / steps;
-    const DuneTimes& after = solver.times();
-    std::printf("%-16s %10.2f %8.1f %8.1f %8.1f | %8.1f %8.1f %8.1f %8.1f %8.1f %8.1f %8.1f (means)\n", name,
-                median * 1e3, median * cells, busy * mean,
-                (memory_in_use(true) - memory) / double(domain.count()),
-                (after.surface - before.surface) * mean, (after.separation - before.separation) * mean,
-                (after.wake - before.wake) * mean, (after.shear - before.shear) * mean,
-                (after.saturation - before.saturation) * mean, (after.march - before.march) * mean,
-                (after.avalanche - before.avalanche) * mean);
-    std::fflush(stdout);
-}
-
-void print_speed(int size) {
-    mallopt(M_MMAP_THRESHOLD, 1 << 17); // fixed, so that freed arrays are returned to the system
-    std::printf("speed: covered bed, 30 degrees to the grid, periodic; median of steps, ns a cell; CPU: of "
-                "all cores together; bytes: memory a cell, its peak\n");
-    std::printf("%-16s %10s %8s %8s %8s | %8s %8s %8s %8s %8s %8s %8s\n", "size", "ms a step", "total", "CPU",
-                "bytes", "surface", "bubbles", "wakes", "shear", "q_sat", "march", "slides");
-    for (const int n : {256, 512, 1024, 2048, 4096})
-        if (size == 0 || size == n) print_speed_of(std::to_string(n).c_str(), n, nullptr, {}, {});
-    if (size != 0) return;
-    constexpr int n = 1024;
-    std::vector<float> plants(size_t(n) * n);
-    for (size_t k = 0; k < plants.size(); ++k) plants[k] = k / 8 % 7 == 0 ? 0.1F : 0.0F;
-    DuneSolverSettings settings;
-    print_speed_of("1024, plants", n, plants.data(), {}, settings);
-    settings.growth.wake = 2.1;
-    print_speed_of("1024, wakes", n, plants.data(), {}, settings);
-    settings.growth.rate = 1.0 / seconds_per_year;
-    print_speed_of("1024, growing", n, plants.data(), {}, settings);
-    for (const double turn : {7.5, 22.5}) { // 2 and 4 directions
-        WindField field;
-        field.strength.assign(plants.size(), 1.0F);
-        for (size_t k = 0; k < plants.size(); ++k)
-            field.turn.push_back(float(turn * degree * std::sin(2.0 * pi * double(k % n) / n)));
-        print_speed_of(turn < 10.0 ? "1024, 2 winds" : "1024, 4 winds", n, nullptr, field, {});
-    }
 }
 
 struct DuneFigures {
@@ -521,8 +433,6 @@ int main(int argc, char** argv) {
     const auto is = [&](const char* name) { return argc > 1 && std::strcmp(argv[1], name) == 0; };
     if (is("waves"))
         marram::print_waves();
-    else if (is("speed"))
-        marram::print_speed(argc > 2 ? std::atoi(argv[2]) : 0);
     else if (is("barchans"))
         marram::print_barchans(argc > 2 ? std::atoi(argv[2]) : 7, argc > 3 ? std::atof(argv[3]) : 0.36,
                                argc > 4 ? std::atof(argv[4]) : marram::ShearCoefficients().out_of_phase);
@@ -546,7 +456,7 @@ int main(int argc, char** argv) {
                    ? 0
                    : 1;
     else {
-        std::puts("dune_solver waves | speed [SIZE] | barchans [COUNT] [U*] [B] | ridges [B] | directions | "
+        std::puts("dune_solver waves | barchans [COUNT] [U*] [B] | ridges [B] | directions | "
                   "fingers [DIR] "
                   "| kinds [DIR] | convergence "
                   "| turned CELL | conservation [STEPS] "

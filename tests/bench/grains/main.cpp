@@ -1,21 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-// Measures the wear by traced grains against closed forms, and prints tables.
+// Measures the wear by traced grains against closed forms, and prints tables. Their speed: build/marram_bench.
 //
 //     grains plates        plates at seven angles, both laws
 //     grains errors        sphere, step and cavity: error over paths, and its slope
 //     grains step          wear behind a step, strip by strip
-//     grains speed [n]     chords of grains a second against Embree alone on a ray for each; n^2 quadrilaterals (710)
 #include "tests/unit/erosion/grain_cases.h"
 
-#include "core/math/hash.h"
-
-#include <tbb/global_control.h>
-
-#include <atomic>
 #include <cstdio>
-#include <cstdlib>
 #include <cstring>
-#include <ctime>
 
 namespace marram::testing {
 namespace {
@@ -61,63 +53,6 @@ void print_step() {
                     1e3 * step.expected[k]);
 }
 
-// A rough rock of n^2 quadrilaterals.
-GrainShape rough_rock(uint32_t n) {
-    GrainShape shape = grain_plate({-1.0, 0.0, -1.0}, {2.0, 0.0, 0.0}, {0.0, 0.0, 2.0}, n, n);
-    for (size_t k = 0; k < shape.vertices.size(); k += 3) {
-        const double x = shape.vertices[k], z = shape.vertices[k + 2];
-        const double r = std::hypot(x, z);
-        shape.vertices[k + 1] =
-            float(0.8 * std::exp(-4.0 * r * r) + 0.05 * std::sin(23.0 * x) * std::sin(31.0 * z) +
-                  0.002 * unit_double(hash(1, k)));
-    }
-    return shape;
-}
-
-// CPU seconds, so that other processes do not count.
-double cpu_seconds(clockid_t clock) {
-    timespec time{};
-    clock_gettime(clock, &time);
-    return double(time.tv_sec) + 1e-9 * double(time.tv_nsec);
-}
-
-void print_speed(uint32_t n) {
-    GrainScene scene;
-    const unsigned id = scene.add(rough_rock(n));
-    scene.commit();
-    const WornMesh mesh = scene.worn(id);
-    std::printf("speed: %zu triangles, 2^18 grains, chords per CPU second in millions; bare: Embree alone on "
-                "a ray for "
-                "each chord\n%8s %10s %10s %10s %10s %8s\n",
-                mesh.triangle_count, "threads", "chords", "rays", "traced", "bare", "ratio");
-    for (const int threads : {1, 2}) {
-        const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, size_t(threads));
-        for (const double drag : {0.0, 0.2})
-            for (uint32_t round = 0; round < 2; ++round) {
-                GrainSettings s;
-                s.paths = 1 << 18, s.drag_time = drag, s.seed = round;
-                const double begin = cpu_seconds(CLOCK_PROCESS_CPUTIME_ID);
-                const GrainResult alone = traced(scene, mesh, s);
-                const double seconds = cpu_seconds(CLOCK_PROCESS_CPUTIME_ID) - begin;
-                std::atomic<int64_t> nanoseconds{0};
-                GrainHooks hooks;
-                hooks.rays = [&](std::span<const RTCRayHit> rays) {
-                    thread_local std::vector<RTCRayHit> copy;
-                    copy.assign(rays.begin(), rays.end());
-                    const double start = cpu_seconds(CLOCK_THREAD_CPUTIME_ID);
-                    for (RTCRayHit& ray : copy) marram_intersect1(scene.get(), &ray, 0);
-                    nanoseconds += int64_t(1e9 * (cpu_seconds(CLOCK_THREAD_CPUTIME_ID) - start));
-                };
-                const double chords = 1e-6 * double(traced(scene, mesh, s, hooks).report.rays);
-                const double rate = chords / seconds, bare = chords / (1e-9 * double(nanoseconds));
-                std::printf("%8d %10.0f %10.0f %10.2f %10.2f %8.2f%s\n", threads, 1e6 * chords,
-                            double(alone.report.rays), rate, bare, rate / bare,
-                            drag > 0.0 ? "  with drag" : "");
-                std::fflush(stdout);
-            }
-    }
-}
-
 } // namespace
 } // namespace marram::testing
 
@@ -126,6 +61,5 @@ int main(int argc, char** argv) {
     const auto asked = [&](const char* name) { return argc < 2 || std::strcmp(argv[1], name) == 0; };
     if (asked("plates")) print_plates();
     if (asked("step")) print_step();
-    if (asked("speed")) print_speed(argc > 2 ? uint32_t(std::atoi(argv[2])) : 710);
     if (asked("errors")) print_errors();
 }

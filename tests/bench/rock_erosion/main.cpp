@@ -1,21 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
-// Measures the wear of rock, and prints tables.
+// Measures the wear of rock, and prints tables. Its speed: build/marram_bench.
 //
 //     rock_erosion sphere              a sphere worn evenly: error and order
 //     rock_erosion planes              planes at angles to the grid
 //     rock_erosion parity              each level against the next finer one, smoothed
-//     rock_erosion speed [n] [paths]   a pass on a grid of n^3 voxels (512, 10^7)
 //     rock_erosion ventifact OUT [voxel]    writes OUT.0.obj, OUT.1.obj, ...: one per level
 //     rock_erosion yardang OUT [voxel]
 #include "procedural/erosion/erosion.h"
 #include "tests/unit/erosion/rock_shapes.h"
 
-#include "core/math/clock.h"
-
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
-#include <ctime>
 #include <string>
 
 namespace marram::testing {
@@ -51,16 +47,6 @@ struct RockDevice {
     RTCDevice device = rtcNewDevice(nullptr);
     ~RockDevice() { rtcReleaseDevice(device); }
 };
-
-GrainSettings rock_grains(double azimuth, uint64_t paths) {
-    GrainSettings grains;
-    grains.paths = paths;
-    grains.wind = Vec3d(std::cos(azimuth), 0.0, std::sin(azimuth));
-    grains.ground = 0.0;
-    grains.spread = 8.0 * degree;
-    grains.reach = 2.0;
-    return grains;
-}
 
 struct Showcase {
     LevelMesh rock;
@@ -161,47 +147,6 @@ void print_parity() {
     show(rock, "");
 }
 
-void print_speed(int size, uint64_t paths) {
-    const double voxel = 1.0 / size;
-    const LevelMesh sphere = rock_sphere({0.0, 0.4, 0.0}, 200.0 / 512.0, 300);
-    const auto seconds = [](const char* what, auto&& body) {
-        const double begin = wall_seconds();
-        const std::clock_t cpu = std::clock();
-        body();
-        const double wall = wall_seconds() - begin;
-        std::printf("%-28s %8.2f s %8.2f s of processors\n", what, wall,
-                    double(std::clock() - cpu) / CLOCKS_PER_SEC);
-        return wall;
-    };
-    std::optional<LevelSet> rock;
-    seconds("mesh to level set",
-            [&] { rock.emplace(LevelSet::from_mesh(sphere.positions, sphere.triangles, voxel)); });
-    const RockDevice device;
-    const RockScenery scenery{.device = device.device, .winds = {{rock_grains(0.3, paths), 1.0}}};
-    std::vector<double> rate;
-    GrainReport grains;
-    double pass = 0.0;
-    seconds("mesh of the level set", [&] { rate.resize(rock->mesh().vertex_count()); });
-    pass += seconds("trace the grains", [&] { grains = wear_by_grains(scenery, rock->mesh(), 0, rate); });
-    const auto a_path = [&](uint64_t count) { return double(count) / double(grains.grains); };
-    std::printf("%28s %.2f rays, %.2f hits of rock, %.2f landings a path\n", "", a_path(grains.rays),
-                a_path(grains.worn_hits), a_path(grains.sand_hits));
-    pass += seconds("blur, hardness", [&] {
-        blur_over_surface(rock->mesh(), 3, rate);
-        std::vector<double> hardness(rate.size());
-        HardnessSettings hard;
-        hard.strata.thickness = 0.05;
-        hard.noise = 2.0;
-        rock_hardness(hard, rock->mesh().positions, voxel, hardness);
-        const double most = *std::max_element(rate.begin(), rate.end());
-        for (size_t v = 0; v < rate.size(); ++v) rate[v] *= voxel / std::max(most, 1e-30) / hardness[v];
-    });
-    pass += seconds("advance, mesh anew", [&] { rock->advance(rate); });
-    std::printf("%d^3, %zu vertices, %zu voxels of the band, %.0f paths: a pass takes %.2f s\n", size,
-                rate.size(), rock->active_voxels(), double(paths), pass);
-    seconds("to half the voxel size", [&] { rock->refined(0.0); });
-}
-
 } // namespace
 } // namespace marram::testing
 
@@ -215,14 +160,12 @@ int main(int count, char** words) {
         print_planes();
     else if (what == "parity")
         print_parity();
-    else if (what == "speed")
-        print_speed(int(number(2, 512)), uint64_t(number(3, 1e7)));
     else if (what == "ventifact" && count > 2)
         show(ventifact(number(3, 0.004)), words[2]);
     else if (what == "yardang" && count > 2)
         show(yardang(number(3, 0.025)), words[2]);
     else
-        return std::printf("rock_erosion sphere | planes | parity | speed [n] [paths] | ventifact OUT "
+        return std::printf("rock_erosion sphere | planes | parity | ventifact OUT "
                            "[voxel] | yardang OUT [voxel]\n"),
                2;
     return 0;

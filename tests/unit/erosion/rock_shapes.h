@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// Rocks with known wear. For the tests and for build/rock_erosion.
+// Rocks with known wear. For the tests, build/rock_erosion and build/marram_bench.
 #pragma once
 
 #include "core/math/vec.h"
+#include "procedural/erosion/grains.h"
 #include "procedural/erosion/level_set.h"
 
 #include <algorithm>
@@ -55,6 +56,17 @@ inline LevelMesh rock_box(const Vec3d& centre, const Vec3d& half,
     for (const auto& face : faces)
         for (const size_t k : {0, 1, 2, 0, 2, 3}) mesh.triangles.push_back(face[k]);
     return mesh;
+}
+
+// Grains over a plain at height 0, in wind towards `azimuth`.
+inline GrainSettings rock_grains(double azimuth, uint64_t paths) {
+    GrainSettings grains;
+    grains.paths = paths;
+    grains.wind = Vec3d(std::cos(azimuth), 0.0, std::sin(azimuth));
+    grains.ground = 0.0;
+    grains.spread = 8.0 * degree;
+    grains.reach = 2.0;
+    return grains;
 }
 
 struct SphereWear {

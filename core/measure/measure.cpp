@@ -17,6 +17,7 @@
 #include <chrono>
 #include <cmath>
 #include <map>
+#include <optional>
 #include <thread>
 
 namespace marram {
@@ -164,27 +165,90 @@ size_t finest_measured(const Dial& dial, const Rounds& rounds, size_t base) {
     return rounds.first(base) > 1.5 * rounds.first(finest) ? base : finest;
 }
 
-// A dial that changes attributes but no height is one of meshes without heights.
-void choose_error(const std::vector<SettingResult>& by_attribute, DialResult& result) {
-    for (const SettingResult& setting : result.settings)
-        if (setting.error > 0.0) return;
-    if (std::ranges::none_of(by_attribute, [](const SettingResult& setting) { return setting.error > 0.0; }))
-        return;
-    result.dial.error = DialError::attribute;
-    for (size_t i = 0; i < by_attribute.size(); ++i) {
-        SettingResult& setting = result.settings[i];
-        if (!setting.refused.empty() || i == result.dial.reference) continue;
-        setting.error = by_attribute[i].error, setting.worst = by_attribute[i].worst;
-        setting.refused = by_attribute[i].refused;
+// The errors of a dial's settings. What is built before the reference waits for it.
+class Errors {
+  public:
+    Errors(DialResult& result, const Session& session, const std::vector<Shot>& scenes)
+        : result_(result), session_(session), scenes_(scenes), by_attribute_(result.settings.size()) {}
+
+    void add(size_t setting, World world) {
+        if (result_.dial.error == DialError::surface) // what is not compared would wait in memory
+            world.colliders.reset(), world.collider_scenes.clear();
+        if (setting == result_.dial.reference)
+            refer_to(setting, std::move(world));
+        else if (reference_)
+            compare(setting, world);
+        else
+            waiting_.emplace(setting, std::move(world));
     }
-}
+
+    // All that could be measured has been added. If the reference could not, errors are against `finest`.
+    void finish(size_t finest) {
+        if (!waiting_.empty()) {
+            const std::vector<DialSetting>& settings = result_.dial.settings;
+            result_.dial.explain +=
+                fmt::format(" {} was not measured: errors are against {}, the finest that was.",
+                            settings[result_.dial.reference].label, settings[finest].label);
+            World world = std::move(waiting_.at(finest));
+            waiting_.erase(finest);
+            refer_to(finest, std::move(world));
+        }
+        if (result_.dial.error == DialError::surface) choose_attributes();
+    }
+
+  private:
+    void refer_to(size_t setting, World world) {
+        result_.dial.reference = setting;
+        reference_ = std::move(world);
+        compare(setting, *reference_);
+        for (const auto& [other, made] : waiting_) compare(other, made);
+        waiting_.clear();
+    }
+
+    void compare(size_t setting, const World& world) {
+        if (session_.cancel.load()) throw Cancelled{};
+        SettingResult& result = result_.settings[setting];
+        const Dial& dial = result_.dial;
+        const bool meshes = dial.error == DialError::surface || dial.error == DialError::view;
+        if (meshes && setting == dial.reference) return; // no error
+        if (dial.error == DialError::surface) {
+            compare_surfaces(world, *reference_, result);
+            compare_attributes(world, *reference_, by_attribute_[setting]);
+        } else if (dial.error == DialError::view) {
+            compare_views(scenes_[setting], session_.frame, world, *reference_, result);
+        } else {
+            compare_strands(dial, scenes_[setting], session_.frame, world, *reference_, result);
+        }
+    }
+
+    // A dial that moves no surface but changes attributes is one of attributes.
+    void choose_attributes() {
+        const auto wrong = [](const SettingResult& setting) { return setting.error > 0.0; };
+        if (std::ranges::any_of(result_.settings, wrong) || std::ranges::none_of(by_attribute_, wrong))
+            return;
+        result_.dial.error = DialError::attribute;
+        for (size_t i = 0; i < by_attribute_.size(); ++i) {
+            SettingResult& setting = result_.settings[i];
+            if (!setting.refused.empty() || i == result_.dial.reference) continue;
+            setting.error = by_attribute_[i].error, setting.worst = by_attribute_[i].worst;
+            setting.refused = by_attribute_[i].refused;
+        }
+    }
+
+    DialResult& result_;
+    const Session& session_;
+    const std::vector<Shot>& scenes_; // [setting]
+    std::optional<World> reference_;
+    std::map<size_t, World> waiting_;
+    std::vector<SettingResult> by_attribute_; // of a dial of meshes
+};
 
 // Compares the rule that chooses motion keys with the measurement: its law over the settings, and its
 // prediction for the scene.
 std::string motion_rule(const DialResult& result, const Shot& shot, const Session& session,
                         const BuildStats& own) {
     std::string rule = "Rule: the error falls with the square of the keys less one";
-    double three = 0.0, low = 1.0, high = 1.0;
+    double three = 0.0, low = INFINITY, high = 0.0;
     for (size_t i = 0; i < result.settings.size(); ++i) {
         if (!result.settings[i].refused.empty() || i == result.dial.reference) continue;
         const double keys = result.dial.settings[i].number;
@@ -195,9 +259,10 @@ std::string motion_rule(const DialResult& result, const Shot& shot, const Sessio
         low = std::min(low, miss);
         high = std::max(high, miss);
     }
-    rule += three > 0.0
-                ? fmt::format("; from 3 keys on, measured errors are {:.2f} to {:.2f} of that.", low, high)
-                : std::string(".");
+    if (high > 0.0)
+        rule +=
+            fmt::format("; measured errors are {:.2f} to {:.2f} of that, from those of 3 keys", low, high);
+    rule += ".";
     if (own.motion_error > 0.0) {
         const BuildSettings settings = build_settings(shot, session.frame);
         const double unit = pixel_size(shot, session.frame);
@@ -213,13 +278,13 @@ std::string motion_rule(const DialResult& result, const Shot& shot, const Sessio
     return rule;
 }
 
-// The same for a dial over numbers: its law, scaled to the finest setting other than the reference, and the
-// choice of the tolerance.
+// The same for a dial over numbers: its law, scaled to the finest setting before the reference, and the choice of the
+// tolerance.
 std::string dial_rule(const DialResult& result, double tolerance, const BuildStats* chosen) {
     const Dial& dial = result.dial;
     const auto number = [&](size_t i) { return dial.settings[i].number; };
     const double reference = dial.law(number(dial.reference)); // it has an error, too
-    double least = 0.0, factor = 0.0, low = 1.0, high = 1.0, measured = 0.0;
+    double least = 0.0, factor = 0.0, low = INFINITY, high = 0.0, measured = 0.0;
     const auto each = [&](auto&& visit) {
         for (size_t i = 0; i < result.settings.size(); ++i)
             if (result.settings[i].refused.empty() && i != dial.reference && number(i) > 0.0)
@@ -231,14 +296,14 @@ std::string dial_rule(const DialResult& result, double tolerance, const BuildSta
         factor = most / law;
     });
     each([&](double law, double most) {
-        if (law <= 0.0 || factor <= 0.0) return;
+        if (law <= 0.0 || law == least || factor <= 0.0) return; // law == least: the scale itself
         low = std::min(low, most / (factor * law));
         high = std::max(high, most / (factor * law));
     });
     if (factor <= 0.0) return fmt::format("Rule: the error {}; no error was measured.", dial.law_words);
-    std::string rule = fmt::format("Rule: the error {}; measured errors are {:.2f} to {:.2f} of that, the "
-                                   "finest setting itself is off by about {:.2g} m.",
-                                   dial.law_words, low, high, factor * reference);
+    std::string rule = fmt::format("Rule: the error {}", dial.law_words);
+    if (high > 0.0) rule += fmt::format("; measured errors are {:.2f} to {:.2f} of that", low, high);
+    rule += fmt::format("; the reference is off by about {:.2g} m.", factor * reference);
     for (size_t i = 0; i < result.settings.size(); ++i)
         if (dial.settings[i].by_tolerance) measured = result.settings[i].most;
     if (!chosen) return rule;
@@ -249,7 +314,8 @@ std::string dial_rule(const DialResult& result, double tolerance, const BuildSta
                               tolerance, measured);
 }
 
-DialResult measure_strands(const Dial& dial, const Session& session, double budget) {
+// A dial whose settings build the scene: its strands or its meshes.
+DialResult measure_builds(const Dial& dial, const Session& session, double budget) {
     DialResult result{dial, std::vector<SettingResult>(dial.settings.size()), 0, {}};
     const double end = wall_seconds() + budget;
     // The first round may take twice the budget, so that a dial with a dear setting gets one round rather than none. Of this a
@@ -277,24 +343,7 @@ DialResult measure_strands(const Dial& dial, const Session& session, double budg
     size_t base = base_of(dial, result.settings);
     const std::vector<size_t> order = order_of(dial, base);
     Rounds rounds(dial.settings.size(), base);
-    World reference;
-    std::map<size_t, World> waiting;                               // until there is a reference
-    std::vector<SettingResult> by_attribute(dial.settings.size()); // of a dial of meshes
-    const auto compare = [&](size_t i, const World& world) {
-        if (session.cancel.load()) throw Cancelled{};
-        SettingResult& setting = result.settings[i];
-        if (dial.error == DialError::surface || dial.error == DialError::view) {
-            if (i == result.dial.reference) return; // no error
-            if (dial.error == DialError::surface) {
-                compare_surfaces(world, reference, setting);
-                compare_attributes(world, reference, by_attribute[i]);
-            }
-            if (dial.error == DialError::view)
-                compare_views(scenes[i], session.frame, world, reference, setting);
-        } else {
-            compare_strands(dial, scenes[i], session.frame, world, reference, setting);
-        }
-    };
+    Errors errors(result, session, scenes);
     BuildStats own, by_tolerance;
     bool chosen = false;
     double coarser = 0.0; // wall seconds of a coarser setting: finer ones take at least as long
@@ -318,31 +367,9 @@ DialResult measure_strands(const Dial& dial, const Session& session, double budg
         rounds.add(i, seconds_of(dial, stats));
         if (dial.settings[i].own) own = stats.build;
         if (dial.settings[i].by_tolerance) by_tolerance = stats.build, chosen = true;
-        if (i == dial.reference) {
-            reference = std::move(world);
-            compare(i, reference);
-        } else {
-            if (dial.error == DialError::surface) // what comparing does not read would wait in memory
-                world.colliders.reset(), world.collider_scenes.clear();
-            waiting.emplace(i, std::move(world));
-        }
-        if (!rounds.has(dial.reference)) continue;
-        for (const auto& [k, made] : waiting) compare(k, made);
-        waiting.clear();
+        errors.add(i, std::move(world));
     }
-    if (!waiting.empty()) { // the reference was not measured
-        const size_t finest = finest_measured(dial, rounds, base);
-        result.dial.reference = finest;
-        result.dial.explain +=
-            fmt::format(" {} was not measured: errors are against {}, the finest that was.",
-                        dial.settings[dial.reference].label, dial.settings[finest].label);
-        reference = std::move(waiting.at(finest));
-        waiting.erase(finest);
-        for (const auto& [k, made] : waiting) compare(k, made);
-        waiting.clear();
-    }
-    reference = {};
-    if (dial.error == DialError::surface) choose_error(by_attribute, result);
+    errors.finish(finest_measured(dial, rounds, base));
     const double round = wall_seconds() - begin;
     for (int r = 1; r < session.request.rounds && wall_seconds() + round < end; ++r)
         for (const size_t i : order) {
@@ -522,7 +549,7 @@ void measure(const Shot& shot, const MeasureRequest& request, MeasureProgress& p
         for (size_t k = i; k < list.dials.size(); ++k) weights += list.dials[k].weight;
         const double budget = std::max(progress.left(), 0.0) * dial.weight / weights;
         measurement.dials.push_back(dial.error == DialError::image ? measure_pictures(dial, session, budget)
-                                                                   : measure_strands(dial, session, budget));
+                                                                   : measure_builds(dial, session, budget));
     }
 }
 

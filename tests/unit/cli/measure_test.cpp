@@ -122,7 +122,7 @@ TEST(Measure, says_what_the_tolerance_chose_and_how_well_it_holds) {
     ASSERT_NE(own, rows.end());
     EXPECT_EQ(own->at("setting"), "by the tolerance");
     EXPECT_LE(number(*own, "error"), 0.5);
-    EXPECT_CONTAINS(done.out, "Rule: the error falls with the square of the keys less one; from 3 keys on");
+    EXPECT_CONTAINS(done.out, "Rule: the error falls with the square of the keys less one; measured errors are");
     EXPECT_CONTAINS(done.out, "The tolerance, 0.5 pixels, chose");
     EXPECT_CONTAINS(read_file(folder / "report/measure.html"), "The tolerance, 0.5 pixels, chose");
 }

@@ -73,8 +73,9 @@ void write_all(int file, const void* data, size_t count) {
     }
 }
 
-// The first level set of floats. Throws Refusal.
+// The only level set of floats. Throws Refusal.
 FloatGrid::Ptr read_level_set(std::string& bytes) {
+    FloatGrid::Ptr found;
     std::string others;
     std::istringstream in(std::move(bytes));
     in.exceptions(std::ios::failbit | std::ios::badbit); // OpenVDB does not check for the end
@@ -82,11 +83,18 @@ FloatGrid::Ptr read_level_set(std::string& bytes) {
     auto* stream =
         new openvdb::io::Stream(in, read_values_later); // not deleted: OpenVDB would do it in parallel
     for (const openvdb::GridBase::Ptr& grid : *stream->getGrids()) {
-        if (grid->isType<FloatGrid>() && grid->getGridClass() == openvdb::GRID_LEVEL_SET)
-            return openvdb::gridPtrCast<FloatGrid>(grid);
+        if (grid->isType<FloatGrid>() && grid->getGridClass() == openvdb::GRID_LEVEL_SET) {
+            if (found)
+                throw Refusal{fmt::format("holds several level sets, \"{}\" and \"{}\"", found->getName(),
+                                          grid->getName()),
+                              "write each to a file of its own"};
+            found = openvdb::gridPtrCast<FloatGrid>(grid);
+            continue;
+        }
         others += fmt::format("{}\"{}\" ({}, {})", others.empty() ? "" : ", ", grid->getName(),
                               grid->valueType(), openvdb::GridBase::gridClassToString(grid->getGridClass()));
     }
+    if (found) return found;
     throw Refusal{others.empty() ? "holds no grids" : "holds no level set of 32-bit floats, but " + others,
                   "write the surface as a level set (signed distances) of floats"};
 }
@@ -266,6 +274,9 @@ Mesh read_vdb(const std::string& path, std::string& bytes) {
     std::vector<openvdb::Vec3s> points;
     std::vector<openvdb::Vec4I> quads;
     openvdb::tools::volumeToMesh(*grid, points, quads);
+    if (quads.empty())
+        throw InputError(Place{path}, "is a level set without a surface",
+                         "write distances that are below 0 inside, and above 0 outside");
     Mesh mesh;
     mesh.positions.reserve(points.size());
     for (const openvdb::Vec3s& p : points) {

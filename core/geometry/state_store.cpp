@@ -80,30 +80,40 @@ std::optional<StoredState> StateStore::load(double frame) {
         if (next == memory_.begin()) return {};
         return StoredState{std::prev(next)->first, std::prev(next)->second};
     }
-    std::vector<double> frames;
     std::error_code error;
+    fs::create_directories(folder_, error); // now, not after hours of simulation
+    if (error)
+        throw InputError({folder_}, "cannot make this folder for states: " + error.message(),
+                         "name another with --state");
+    std::vector<double> frames;
     for (fs::directory_iterator it(folder_, error), end; !error && it != end; it.increment(error))
-        if (const std::optional<double> found = frame_of(it->path()); found && *found <= frame)
+        if (const std::optional<double> found = frame_of(it->path());
+            found && *found <= frame && it->path() == file_of(*found) && it->is_regular_file(error))
             frames.push_back(*found);
     std::ranges::sort(frames, std::greater<>());
     for (const double candidate : frames) {
         if (std::optional<StoredState> state = read(file_of(candidate), digest_, candidate)) return state;
-        warnings_.push_back(file_of(candidate) + ": is damaged and is left out: remove it");
+        warnings_.push_back(file_of(candidate) + ": is damaged and is left out: it will be made anew");
     }
     return {};
 }
 
 void StateStore::store(double frame, const void* data, size_t byte_count) {
-    if (folder_.empty()) {
-        const char* bytes = static_cast<const char*>(data);
-        memory_[frame].assign(bytes, bytes + byte_count);
-        return;
+    if (!folder_.empty()) {
+        try {
+            write(frame, data, byte_count);
+            return;
+        } catch (const InputError& error) { // what was computed is worth more than the file
+            warnings_.push_back(
+                fmt::format("{}; states of this run are kept in memory, and are lost with it", error.what()));
+            folder_.clear();
+        }
     }
-    std::error_code error;
-    fs::create_directories(folder_, error);
-    if (error)
-        throw InputError({folder_}, "cannot make this folder for states: " + error.message(),
-                         "name another with --state");
+    const char* bytes = static_cast<const char*>(data);
+    memory_[frame].assign(bytes, bytes + byte_count);
+}
+
+void StateStore::write(double frame, const void* data, size_t byte_count) const {
     AtomicFile file(file_of(frame));
     Header header;
     header.digest = digest_;

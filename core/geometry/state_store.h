@@ -26,14 +26,15 @@ class StateStore {
     StateStore(const std::string& folder, const std::string& name, uint64_t digest);
 
     // The state with the largest frame <= `frame`; empty if there is none. Cost: reading one file, more only
-    // past damaged ones.
+    // past damaged ones. Makes the folder; throws InputError if it cannot.
     std::optional<StoredState> load(double frame);
-    // Throws InputError if it cannot be written.
+    // If it cannot be written, this is a warning, and states are kept in memory from then on.
     void store(double frame, const void* data, size_t byte_count);
     std::vector<std::string> take_warnings();
 
   private:
     std::string file_of(double frame) const;
+    void write(double frame, const void* data, size_t byte_count) const; // throws InputError
 
     std::string folder_; // of this digest
     uint64_t digest_;

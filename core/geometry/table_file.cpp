@@ -65,6 +65,12 @@ struct Reader {
         if (has_names && column != table.columns.size())
             report(fmt::format("has {} columns, the first line {}", column, table.columns.size()),
                    "give as many numbers as there are names");
+        if (!has_names)
+            for (size_t k = 1; k < table.columns.size(); ++k)
+                if (std::find(table.columns.begin(), table.columns.begin() + long(k), table.columns[k]) !=
+                    table.columns.begin() + long(k))
+                    report(fmt::format("has two columns \"{}\"", table.columns[k]),
+                           "give each a name of its own");
         column = 0;
         has_names = true;
     }
@@ -88,6 +94,7 @@ TableFile read_table_file(const std::string& path) {
     };
     for (std::string line; std::getline(in, line);) {
         ++reader.line; // the library skips empty lines
+        if (reader.line == 1 && line.starts_with("\xef\xbb\xbf")) line.erase(0, 3); // UTF-8's mark
         line += '\n';
         check(csv_parse(&parser, line.data(), line.size(), Reader::on_field, Reader::on_row, &reader) ==
               line.size());

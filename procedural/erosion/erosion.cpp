@@ -6,7 +6,7 @@
 // (hardness.h, mean over a voxel), multiply by a time step, and move the surface inward (level_set.h).
 //
 // First level. The time step is chosen so that 99.9 % of the vertices lose at most 0.9 voxels; the rest is
-// clamped to one voxel. Passes run until all years are simulated.
+// clamped to one voxel. Passes run until all years are simulated, at most `most_passes`.
 //
 // Finer levels keep the coarse shape C and add detail that its voxels could not hold. With H the voxel size
 // of C and m = detail H:
@@ -30,7 +30,8 @@
 // removed volume is the union of what each face loses. But a vertex on the edge receives half as many hits,
 // and would be left as a fin. So a vertex v loses at least the depth that brings it below the plane of a
 // neighbour u that has worn by d_u:
-//   d_v >= (d_u + n_u . (v - u)) / n_u . n_v,   if the two are convex and 0.2 < n_u . n_v < 0.9.
+//   d_v >= (d_u + n_u . (v - u)) / n_u . n_v,   if the two are convex and 0.2 < n_u . n_v < 0.9,
+// over three rings of neighbours, in all passes but the last three of a finer level.
 //
 // Detached pieces are removed at the end of each level; the largest is kept.
 //
@@ -39,7 +40,8 @@
 //
 // Limits. Years matter only on the first level: finer levels depend on the ratio of wear between neighbouring
 // places, not on its amount. Rock thinner than a voxel of the first level is lost there, and so on all
-// levels.
+// levels. Cavities within the rock are filled. Hardness is that of places in the scene, not of the rock: a mesh that
+// moves from frame to frame is eroded anew in each, through other strata.
 //
 // Cost of a pass: tracing, 2 s on one core for 10^6 grains around a ball of 1.5 10^6 triangles, and 2.5 s on
 // one core for the level set in a grid of 512^3 (build/marram_bench). A finer level takes 8 passes; the
@@ -324,6 +326,7 @@ ErosionResult erode(std::span<const float> positions, std::span<const uint32_t> 
         result.levels.push_back(std::move(level));
         rock_before.emplace(std::move(rock));
     }
+    if (!result.cancelled) result.given = mesh_volume(rock_before->mesh());
     return result;
 }
 

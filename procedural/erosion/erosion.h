@@ -51,6 +51,7 @@ struct ErosionLevel {
 struct ErosionResult {
     std::vector<ErosionLevel> levels; // coarsest first; fewer if cancelled
     double years = 0.0; // simulated; fewer than settings.years if most_passes ended it or no rock was left
+    double given = 0.0; // m^3: the rock before any wear, in voxels of the last level; 0 if cancelled
     bool cancelled = false;
 };
 

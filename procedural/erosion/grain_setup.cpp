@@ -50,7 +50,9 @@ void find_ground(const GrainTracer& tracer, GrainBox& box) {
         from -= little * box.along;
         from.y() = std::max(y - little, box.base);
         if (!(y > box.base) || first_hit(tracer, from, box.along, little) < infinity) y = box.base;
-        box.ground[size_t(k)] = y + 8.0 * grain_step * std::max(from.cwiseAbs().maxCoeff(), std::abs(high));
+        if (y > box.base) // a mesh: start above it, whatever the rounding of its coordinates
+            y += 8.0 * grain_step * std::max(from.cwiseAbs().maxCoeff(), std::abs(high));
+        box.ground[size_t(k)] = y;
     }
 }
 

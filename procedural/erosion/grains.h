@@ -67,7 +67,7 @@ struct GrainSettings {
     unsigned ray_mask = 0xffffffffU;
 };
 
-// The first error in the settings, e.g. "scatter: must be 0.000000 to 1.000000", or "".
+// The first error in the settings, e.g. "scatter: must be 0 to 1", or "".
 std::string grain_settings_fault(const GrainSettings& settings);
 
 // Energies are integer multiples of this, in J per kg of sand, so that sums are exact.

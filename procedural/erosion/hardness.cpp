@@ -2,7 +2,7 @@
 // Hardness of rock: the energy that wears a volume of it, relative to GrainSettings::energy_per_volume. Wear
 // is divided by it.
 //
-//     hardness = settings.hardness / rate_beds(s) * contrast_n^(noise(p) / 4 rms)
+//     hardness = settings.hardness / rate_beds(s) * contrast_n^(clamp(noise(p) / rms, -3, 3) / 4)
 //                * product over masks of m.hardness^w
 //
 // Beds. s is the distance across the beds (m): s = (p + folds) . b, with b the upward normal of beds that dip

@@ -55,11 +55,11 @@
 //     hardness = 5
 //
 // With `map`, wear and wear_rate are also baked to images by uv; `marram bake -o wear.exr` writes them. Row 0
-// is v = 1. A pixel takes the value of the triangle at its centre; two pixels around each island are filled
-// with the mean of their neighbours.
+// is v = 1. A pixel takes the value of the triangle at its centre, the greatest if there are several; two pixels around
+// each island are filled with the mean of their neighbours. uvs are within 0 to 1.
 //
-// Cost: about a million rays per second and core; a grain takes 5 to 30. The noise at a vertex falls with the
-// square root of the number of grains that hit its triangles.
+// Cost: about a million rays per second and core; a grain takes 2 to 10, more in cavities. The noise at a vertex falls
+// with the square root of the number of grains that hit its triangles.
 #include "procedural/erosion/rock.h"
 
 #include "procedural/border.h"
@@ -83,7 +83,7 @@ RockInstance& rock(MarramInstance* instance) { return *reinterpret_cast<RockInst
 
 template <typename Body>
 MarramStatus guarded_rock(const MarramHost& host, Body&& body) {
-    return guarded(host, "rock", "use a mesh of fewer triangles, or a smaller map", std::forward<Body>(body));
+    return guarded(host, "rock", "make voxel larger, use a mesh of fewer triangles, or a smaller map", std::forward<Body>(body));
 }
 
 // Checks combinations of valid values and stores them in the instance.
@@ -288,7 +288,7 @@ std::span<const MarramReportEntry> rock_report_entries() {
         MarramReportEntry{"rock.seconds", "s", MARRAM_SUM, nullptr, nullptr, "tracing grains"},
         MarramReportEntry{"rock.erosion_passes", "count", MARRAM_SUM, nullptr, nullptr,
                           "of erosion, all levels"},
-        MarramReportEntry{"rock.erosion_removed", "m^3", MARRAM_SUM, nullptr, nullptr, "rock that is gone"},
+        MarramReportEntry{"rock.erosion_removed", "m^3", MARRAM_SUM, nullptr, nullptr, "rock that is gone, of what was given"},
         MarramReportEntry{"rock.erosion_seconds", "s", MARRAM_SUM, nullptr, nullptr, "eroding"},
     };
     return entries;

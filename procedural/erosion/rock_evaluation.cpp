@@ -10,6 +10,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <functional>
 #include <numeric>
 #include <optional>
@@ -94,6 +95,12 @@ void copy_mesh(RockInstance& instance, const MarramMesh& mesh) {
     if (mesh.uvs) instance.uvs.assign(mesh.uvs, mesh.uvs + 2 * vertices);
 }
 
+// Of the rock's volume: smaller pieces are not reported.
+constexpr double least_piece = 1e-3;
+
+// How far the volume of the first level, before wear, may be from that of the rock, relative to it.
+constexpr double most_coarse = 0.1;
+
 // The frame of the first rock that is kept, so that every frame finds it. Its digest tells whether it is the rock of
 // that frame: always, if the inputs do not move.
 constexpr double before_all_frames = -1e9;
@@ -142,12 +149,15 @@ std::optional<LevelSet> erode_rock(RockInstance& instance, const Values& values,
         if (result.cancelled) return {};
     } catch (const LevelSetError& error) {
         const std::string what = error.what();
-        const bool sizes = what.find("voxels") != std::string::npos;
+        const auto says = [&](const char* words) { return what.find(words) != std::string::npos; };
+        const bool sizes = says("voxels");
         throw SceneFault("rock.level_set", values.at(sizes && values.has("voxel") ? "voxel" : "mesh").place,
                          sizes ? what.substr(0, what.find(':')) : what,
-                         what.find("larger than the rock") != std::string::npos ? "make voxel smaller"
-                         : sizes                                                ? "make voxel larger"
-                                                                                : "give a closed mesh");
+                         says("larger than the rock")
+                             ? "make voxel smaller, lower levels, or give a mesh with a volume"
+                         : says("origin") ? "move the rock nearer to the origin, or make voxel larger"
+                         : sizes          ? "make voxel larger"
+                                          : "give a closed mesh");
     }
     LevelSet& rock = result.levels.back().rock;
     if (rock.mesh().triangles.empty())
@@ -158,9 +168,13 @@ std::optional<LevelSet> erode_rock(RockInstance& instance, const Values& values,
     instance.triangles = rock.mesh().triangles;
     instance.uvs.clear();
     instance.erosion = {};
-    for (const ErosionLevel& level : result.levels) instance.erosion.passes += level.passes;
-    instance.erosion.pieces = result.levels.front().pieces;
-    instance.erosion.removed = result.levels.front().start - result.levels.back().left;
+    for (const ErosionLevel& level : result.levels) {
+        instance.erosion.passes += level.passes;
+        if (level.start - level.removed - level.left > least_piece * result.given)
+            instance.erosion.pieces += level.pieces;
+    }
+    instance.erosion.removed = result.given - result.levels.back().left;
+    if (result.given > 0.0) instance.erosion.coarse = result.levels.front().start / result.given;
     instance.erosion.years = result.years;
     instance.erosion.seconds = wall_seconds() - begin;
     return std::move(rock);
@@ -196,6 +210,12 @@ bool wear_rock(RockInstance& instance, const Values& values, const MarramFrame& 
     return true;
 }
 
+bool below(const MarramMesh& mesh, double height) {
+    for (size_t c = 0; c < 3 * size_t(mesh.triangle_count); ++c)
+        if (double(mesh.positions[0][3 * size_t(mesh.triangles[c]) + 1]) > height) return false;
+    return true;
+}
+
 void send_rock_warnings(const RockInstance& instance, const Values& values, const MarramMesh& mesh) {
     const std::string& place = values.at("mesh").place;
     if (instance.eroded && instance.erosion.pieces > 0)
@@ -203,6 +223,17 @@ void send_rock_warnings(const RockInstance& instance, const Values& values, cons
              fmt::format("the rock has fallen apart, or was {} pieces: the largest is kept",
                          instance.erosion.pieces + 1),
              "give each piece a rock of its own");
+    if (instance.eroded && std::abs(instance.erosion.coarse - 1.0) > most_coarse) {
+        const ErosionSettings settings = rock_erosion_settings(values, mesh);
+        send(instance.host, MARRAM_WARNING, "rock.coarse",
+             values.at(values.has("voxel") ? "voxel" : "levels").place,
+             fmt::format(
+                 "the first of {} levels has voxels of {:.3g} m, and {:.0f} % of the rock's volume: what it "
+                 "loses is lost on all levels",
+                 settings.levels, std::ldexp(settings.voxel, settings.levels - 1),
+                 100.0 * instance.erosion.coarse),
+             "lower levels, or make voxel smaller");
+    }
     if (const double years = rock_erosion_settings(values, mesh).years;
         instance.eroded && instance.erosion.years < years)
         send(instance.host, MARRAM_WARNING, "rock.ended_early", values.at("years").place,
@@ -212,7 +243,28 @@ void send_rock_warnings(const RockInstance& instance, const Values& values, cons
         send(instance.host, MARRAM_WARNING, "rock.moves", place,
              fmt::format("the mesh '{}' has motion keys, but worn rock does not move", mesh.name),
              "use a mesh without keys");
-    if (instance.report.worn_hits == 0)
+    const GrainSettings grains = rock_winds(values)[0].grains;
+    const double bed_speed = values.number("bed_speed");
+    if (bed_speed > grains.speed && bed_speed > default_bed_speed)
+        send(instance.host, MARRAM_WARNING, "rock.bed_speed", values.at("bed_speed").place,
+             fmt::format("{:g} m/s is more than the grains' speed, {:g} m/s, which is taken", bed_speed,
+                         grains.speed),
+             "lower bed_speed, or raise speed");
+    if (!values.has("speed") && values.number("wind.speed") > grains.speed)
+        send(instance.host, MARRAM_WARNING, "rock.wind_speed", values.at("wind.speed").place,
+             fmt::format("grains are taken to fly at {:g} m/s, not at the wind's {:g}", grains.speed,
+                         values.number("wind.speed")),
+             "lower the wind's speed, or give the rock a speed of its own");
+    if (grains.speed <= 0.0)
+        send(instance.host, MARRAM_WARNING, "rock.calm",
+             values.at(values.has("speed") ? "speed" : "wind.speed").place,
+             fmt::format("grains have no speed, so that none hits the mesh '{}'", mesh.name),
+             "give the wind a speed, or the rock a speed above 0");
+    else if (instance.report.worn_hits == 0 && grains.ground && below(mesh, *grains.ground))
+        send(instance.host, MARRAM_WARNING, "rock.buried", values.at("sand_level").place,
+             fmt::format("all of the mesh '{}' is below the sand", mesh.name),
+             "lower sand_level, or raise the mesh");
+    else if (instance.report.worn_hits == 0)
         send(instance.host, MARRAM_WARNING, "rock.no_hits", place,
              fmt::format("no grain has hit the mesh '{}'", mesh.name),
              "raise height or paths, or see whether something upwind shelters all of it");

@@ -26,8 +26,9 @@ inline constexpr std::array rock_attributes = {
 // What erosion did to a rock. Numbers of 8 bytes, as it is stored with the state.
 struct RockErosion {
     int64_t passes = 0;   // of all levels; 0: the mesh is not eroded
-    uint64_t pieces = 0;  // that were removed from the first level
+    uint64_t pieces = 0;  // that were removed, if they were more than 1e-3 of the rock
     double removed = 0.0; // m^3
+    double coarse = 1.0;  // volume of the first level before wear, over that of the rock
     double years = 0.0;   // simulated
     double seconds = 0.0;
 };

@@ -8,7 +8,7 @@
 namespace marram {
 namespace {
 
-constexpr uint64_t rock_state_format = 0x6d617272616d5201; // the last byte is the format version
+constexpr uint64_t rock_state_format = 0x6d617272616d5202; // the last byte is the format version
 
 // Those fields of a GrainReport that a rock reports. Seconds are not kept: they are those of this run.
 struct StoredGrainReport {

@@ -11,6 +11,8 @@
 
 namespace marram {
 
+inline constexpr double default_bed_speed = 1.0; // m/s
+
 // Parameters of a rock, and those of the scene's wind that it reads.
 const std::vector<MarramParam>& rock_params();
 

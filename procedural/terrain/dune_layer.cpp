@@ -13,6 +13,7 @@
 //
 //     [[curves]]
 //     name = "ridge"
+//     type = "points"
 //     points = [[-30, 0, -8], [-5, 0, 6], [25, 0, -4]]
 //
 //     [[procedural.layer]]

@@ -18,19 +18,20 @@
 //   chaotic   redrawn every `hold` hours: direction from a normal distribution (`spread`), shear velocity
 //             from a Weibull distribution (`shape`); a wide spread forms star dunes
 //   record    measured: a CSV with columns time (hours), speed (m/s at 10 m) and direction (degrees clockwise
-//             from north, *from* which it blows; +x is east, -z north); it repeats after its end
+//             from north, *from* which it blows; +x is east, -z north). An entry blows until the next one, also
+//             over a gap, which is warned of; the record repeats after its end
 // It may differ from place to place (wind_field.cpp): it follows the curves that `wind_along` names within about
 // `wind_reach`, or `wind_map` gives its parts along and across. The air is computed for one direction in 15
 // degrees of such a field; the report has their number; each after the first adds half of the cost of a step.
 // The report has the drift potential and its resultant (dp, rdp, kg / (m s)) and their ratio, without the field.
 //
-// Time and cost. A time step costs about 40 ns a sample on two cores (build/marram_bench). It is seconds
+// Time and cost. A time step costs less than 40 ns a sample on two cores (build/marram_bench). It is seconds
 // to hours long: shorter for finer cells (with the square of the cell) and stronger wind, and set by `stability`.
 // The report has the number of steps. `marram measure` shows time against error for cell, stability
 // and shear_resolution.
 //
 // States. A host that prepares frames stores a state every `keep_every` frames and one at each requested
-// frame; a later frame continues from the latest one. Each whole frame ends a time step, so a frame is
+// whole frame; a later frame continues from the latest one. Each whole frame ends a time step, so a frame is
 // bit-identical whichever states exist. Any change of the terrain's parameters or inputs, also in layers
 // above, restarts the simulation.
 //
@@ -68,6 +69,7 @@
 #include "procedural/terrain/shape_layer.h"
 
 #include "core/math/hash.h"
+#include "core/math/median.h"
 #include "procedural/state_bytes.h"
 #include "procedural/terrain/obstacle.h"
 #include "procedural/terrain/simulation.h"
@@ -234,6 +236,7 @@ bool DuneSolverLayer::evaluate_whole(const Fields& below, const LayerOutput& out
                           {"steps", double(solver.steps())},
                           {"sand_in", sand_metres(solver.in()) * area},
                           {"sand_out", sand_metres(solver.out()) * area},
+                          {"sand_airborne", sand_metres(solver.airborne()) * area},
                           {"dp", run_.drift.dp},
                           {"rdp", run_.drift.rdp},
                           {"rdp_dp", run_.drift.ratio()},
@@ -328,18 +331,41 @@ WindRecord dune_record(const LayerContext& context) {
     const auto column = [&](const std::string& name) {
         const auto found = std::find(names.begin(), names.end(), name);
         if (found == names.end())
-            throw SceneFault("terrain.wind_record", place, "the record has no column '" + name + "'",
-                             "it needs time (h), speed (m/s) and direction (deg)");
+            throw SceneFault("terrain.wind_record", place,
+                             fmt::format("the record has no column '{}', but {}", name, value.text),
+                             "it needs time (h), speed (m/s) and direction (deg), without units");
         std::vector<double> list(grid.ny);
         for (uint32_t row = 0; row < grid.ny; ++row)
             list[row] = double(grid.values[size_t(row) * grid.nx + size_t(found - names.begin())]);
         return list;
     };
     WindRecord record{column("time"), column("speed"), column("direction")};
+    const double resolution = std::abs(record.time.front()) * 0x1p-23; // of the table's numbers
     for (double& time : record.time) time *= seconds_per_hour;
     const std::string problem = wind_record_problem(record);
     if (!problem.empty())
-        throw SceneFault("terrain.wind_record", place, "the record: " + problem, "correct the file");
+        throw SceneFault("terrain.wind_record", place, "the record: " + problem,
+                         resolution > 1e-3 ? "count hours from the beginning of the record"
+                                           : "correct the file");
+    std::vector<double> intervals;
+    for (size_t k = 1; k < record.time.size(); ++k) intervals.push_back(record.time[k] - record.time[k - 1]);
+    const double usual = median(intervals) / seconds_per_hour;
+    if (resolution > 0.01 * usual)
+        throw SceneFault(
+            "terrain.wind_record", place,
+            fmt::format("the record's times are known to {:.2g} h only, as they begin at {:.0f} h",
+                        resolution, record.time.front() / seconds_per_hour),
+            "count hours from the beginning of the record");
+    const auto longest = std::max_element(intervals.begin(), intervals.end());
+    if (*longest > 10.0 * usual * seconds_per_hour && context.warn)
+        context.warn(
+            place,
+            fmt::format(
+                "the record has a gap of {:.3g} h after {:.6g} h (entries are {:.3g} h apart): the wind "
+                "before it blows until its end",
+                *longest / seconds_per_hour,
+                record.time[size_t(longest - intervals.begin())] / seconds_per_hour, usual),
+            "fill the gap, or begin the record after it");
     return record;
 }
 
@@ -347,6 +373,9 @@ WindRecord dune_record(const LayerContext& context) {
 WindHistory dune_wind(const LayerContext& context, double& known) {
     const LayerValues& values = context.values;
     const std::string kind = values.text("wind");
+    if (kind != "record" && values.has("record") && context.warn)
+        context.warn(values.place("record"), "the record has no effect: the wind is " + kind,
+                     "give wind = \"record\"");
     if (kind == "record") {
         const WindRecord record = dune_record(context);
         known = record.time.back() - record.time.front() + last_duration(record);
@@ -415,6 +444,7 @@ std::unique_ptr<TerrainLayer> make_dune_solver(const LayerContext& context) {
     run.settings.avalanche.stops = run.settings.avalanche.starts - degree;
     double known = 0.0;
     run.wind = dune_wind(context, known);
+    const bool recorded = values.text("wind") == "record";
     run.field = dune_wind_field(context);
     if (values.has("obstacle")) {
         run.obstacle = Obstacle(context.domain, context.mesh(values.text("obstacle")));
@@ -456,7 +486,7 @@ std::unique_ptr<TerrainLayer> make_dune_solver(const LayerContext& context) {
     if (!moves_sand(run, known) && context.warn)
         context.warn(values.place("type"),
                      "the wind never exceeds the threshold of sand transport: only avalanches move sand",
-                     "set speed above about 6 m/s");
+                     recorded ? "use a record of stronger wind" : "set speed above about 6 m/s");
     return std::make_unique<DuneSolverLayer>(std::move(run), context.domain, context.simulation);
 }
 

@@ -32,8 +32,10 @@
 //
 // The march starts at a border whose inflow is not known yet. Periodic: the inflow is the previous step's
 // outflow. The difference to this step's outflow, a fraction of a step's flux, is carried to the next step in
-// `airborne`. On the first step, and if the wind comes from another side, two marches whose sand is discarded
-// find the flux.
+// `airborne`; a step pays no more of it than its own flux (a step that ends with a wind can be far shorter than the one
+// before). The outflow remembers the fraction m = exp(-domain / L_sat) of the inflow: all of the difference would be paid
+// too often if the domain is shorter than L_sat, so 1 - m of it is (stable up to 2 (1 - m) / (1 + m)). If the strength of the wind changes, one march whose sand is discarded finds the flux; on the first step, and
+// if the wind comes from another side, two do.
 //
 // Array rows run along x or along z, so that the wind crosses them at less than 45 degrees to their normal.
 // When that changes, the arrays are transposed.
@@ -55,7 +57,7 @@
 // growth is exact for steady ground.
 //
 // Cost and memory: build/marram_bench (figures dune_step and dune_memory of tests/README.md). Of the memory 60
-// bytes a cell are arrays; 4 more with plants, 16 more if they grow, 12 more with wakes (16 if they grow), 28 more
+// bytes a cell are arrays; 4 more with plants, or 16 if they grow; 12 more with wakes, or 16 if plants grow; 28 more
 // with a wind field.
 #include "procedural/terrain/solver/solver.h"
 
@@ -71,7 +73,12 @@ namespace marram {
 namespace {
 
 constexpr double solver_max_height = 0x1p18; // metres; whole units of it are exact in a double
-constexpr size_t solver_slack = 16;          // padding after the last row: loaded but without effect
+// Of the flux across the periodic border: what a step may pay of the difference that earlier steps have left. They may
+// have been much longer.
+constexpr double most_owed = 1.25;
+constexpr double least_units =
+    0x1p16;                         // of a step's greatest flux, for the flux at the border to be known by it
+constexpr size_t solver_slack = 16; // padding after the last row: loaded but without effect
 
 template <typename T, typename U>
 void solver_transpose(const T* from, int rows, int columns, size_t from_pitch, U* to, size_t to_pitch) {
@@ -368,19 +375,21 @@ void DuneSolver::march(const DownwindGrid& course, double wind_row, const SandWi
     const int direction = wind_row < 0.0 ? -1 : 1;
     const double saturated = settings_.physics.saturated_flux(greatest_strength_ * wind.shear_velocity);
     if (periodic) {
-        // A field changes the flux by another factor in each place.
-        const bool other_wind = !stress_factor_.empty() && state_.seam_saturated[axis] != saturated;
-        if (state_.seam_direction[axis] != direction || !(state_.seam_saturated[axis] > 0.0) || other_wind) {
-            for (int pass = 0; pass < 2; ++pass)
+        const bool known = state_.seam_direction[axis] == direction && state_.seam_saturated[axis] > 0.0;
+        if (const bool other_wind = state_.seam_saturated[axis] != saturated; !known || other_wind) {
+            // With a wind field, or an unknown flux, from an inflow of 0: after one pass it is that of the last rows.
+            const bool anew = !known || !stress_factor_.empty();
+            for (size_t b = 0; !anew && b < seam.size(); ++b) front_[b] = std::rint(seam[b] * input.scale);
+            for (int pass = 0; pass < (anew ? 2 : 1); ++pass)
                 march_.run(course, settings_.border, input, pitch(), front_.data(), sand_next_.data());
             for (size_t b = 0; b < seam.size(); ++b) seam[b] = front_[b] / input.scale;
             state_.seam_saturated[axis] = saturated;
         }
-        const double change = saturated / state_.seam_saturated[axis];
+        const double forgotten = -std::expm1(-rows_ * domain_.cell / settings_.physics.saturation_length());
         for (size_t b = 0; b < seam.size(); ++b) {
-            const SandUnits owed =
-                std::llrint(seam[b] * (saturated > 0.0 ? change : 1.0) * input.scale) + airborne[b];
-            front_[b] = double(std::max(owed, SandUnits(0)));
+            const double flux = seam[b] * input.scale, most = most_owed * flux;
+            const double owed = std::clamp(forgotten * double(airborne[b]), -most, most);
+            front_[b] = std::max(std::rint(flux) + std::rint(owed), 0.0);
             airborne[b] -= SandUnits(front_[b]);
         }
     } else if (settings_.border == DuneBorder::open) {
@@ -403,9 +412,10 @@ void DuneSolver::march(const DownwindGrid& course, double wind_row, const SandWi
     } else
         sand_.swap(sand_next_);
     if (periodic) {
+        const bool exact = peak.flux * input.scale >= least_units;
         for (size_t b = 0; b < seam.size(); ++b) {
             airborne[b] += SandUnits(front_[b]);
-            seam[b] = front_[b] / input.scale;
+            if (exact) seam[b] = front_[b] / input.scale;
         }
         state_.seam_direction[axis] = direction, state_.seam_saturated[axis] = saturated;
         state_.seam_direction[1 - axis] = 0;

@@ -10,7 +10,7 @@
 // wind. It is 0 in a bubble, where the streamline is higher than a tenth of a cell above the ground; in
 // between it falls linearly, so brinks move by less than a cell. It is at most 4 times that of the undisturbed
 // wind: air flows around a cylinder at most twice as fast as before it, but linear theory has no bound at the
-// corners of walls.
+// corners of walls. Nor is 1 + tau'_x below 0, or |tau'_y| above half of it: the stress turns by 27 degrees at most.
 //
 // Along slopes of tangent s in the direction of the stress, the threshold in the bracket is that of a grain
 // with friction mu (J. Iversen and K. Rasmussen, Sedimentology 41, 1994): u*_t^2 (1 + s / mu) / sqrt(1 +

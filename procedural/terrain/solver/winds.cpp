@@ -100,6 +100,8 @@ std::string wind_record_problem(const WindRecord& record) {
         if (!std::isfinite(record.time[k]) || !std::isfinite(record.from[k])) return entry + "not a number";
         if (!(record.speed[k] >= 0.0) || !std::isfinite(record.speed[k]))
             return entry + "speed below 0, or not a number";
+        if (record.speed[k] > 150.0) return entry + "speed above 150 m/s";
+        if (std::abs(record.from[k]) > 720.0) return entry + "direction beyond 720 degrees";
         if (k > 0 && !(record.time[k] > record.time[k - 1])) return entry + "time does not ascend";
     }
     return {};

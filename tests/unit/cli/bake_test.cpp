@@ -538,5 +538,16 @@ TEST(Bake, RefusesWhatItCannotWrite) {
     EXPECT_EQ(folder.names(), std::set<std::string>{"a.toml"});
 }
 
+TEST(Bake, LeavesAFileOfStrandsIfThereAreNone) {
+    const Folder folder;
+    const std::string file = folder.write("a.hair", "strands"),
+                      scene = folder.write("a.toml", "[camera]\nposition = [0, 1, 4]\ntarget = [0, 0, 0]\n"
+                                                     "[[mesh]]\nname = \"ground\"\ntype = \"plane\"\n");
+    const ProgramResult outcome = marram({"bake", scene, "-o", file});
+    EXPECT_EQ(outcome.code, 2);
+    EXPECT_CONTAINS(outcome.err, "the scene has no strands");
+    EXPECT_EQ(read_file(file), "strands");
+}
+
 } // namespace
 } // namespace marram::testing

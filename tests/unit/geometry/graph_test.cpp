@@ -354,6 +354,26 @@ TEST(States, ThatCannotBeWrittenAreAnError) {
     EXPECT_NE(scene.build_errors().find("--state"), std::string::npos);
 }
 
+// The disk may be full after hours of simulation.
+TEST(States, ThatCannotBeWrittenLaterAreKeptInMemory) {
+    const fs::path folder = fs::temp_directory_path() / ("marram_full_" + std::to_string(::getpid()));
+    fs::remove_all(folder);
+    const auto run = [&](double frame) {
+        TestScene scene(hill("dune", "grow = 0.25"));
+        scene.settings.frame = frame;
+        scene.settings.state_folder = folder.string();
+        EXPECT_NEAR(highest(scene.build().meshes[0]), 0.25F * float(frame - 1.0), 1e-6F);
+        return scene.stats.warnings;
+    };
+    EXPECT_TRUE(run(4.0).empty());
+    const fs::path states = *fs::directory_iterator(folder);
+    for (const char* name : {"5.state", "6.state"}) fs::create_directories(states / name / "in the way");
+    const std::vector<std::string> warnings = run(6.0);
+    ASSERT_EQ(warnings.size(), 1u);
+    EXPECT_NE(warnings[0].find("are kept in memory"), std::string::npos) << warnings[0];
+    fs::remove_all(folder);
+}
+
 TEST(States, CanBeCancelled) {
     TestScene scene(hill("dune", "grow = 0.25") + groom("hair", "dune"));
     scene.settings.frame = 1e6;
@@ -543,6 +563,9 @@ TEST(Tables, AreReadByTheHost) {
     };
     EXPECT_EQ(height("metres,\"wind, m/s\"\n0.5,3\n1.25,4\n"), 1.75F);
     EXPECT_EQ(height("metres\r\n0.5\r\n"), 0.5F);
+    EXPECT_EQ(height("\xef\xbb\xbfmetres\n0.5\n"), 0.5F); // marked as UTF-8
+    EXPECT_NE(mistake("metres,metres\n1,2\n").find(".csv:1: has two columns \"metres\""), std::string::npos)
+        << mistake("metres,metres\n1,2\n");
     EXPECT_NE(mistake("metres,wind\n0.5,3\n1.25\n").find(".csv:3: has 1 columns, the first line 2"),
               std::string::npos)
         << mistake("metres,wind\n0.5,3\n1.25\n");

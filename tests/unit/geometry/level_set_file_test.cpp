@@ -124,6 +124,22 @@ TEST_F(LevelSetFile, SaysWhatElseItHolds) {
         refusal().find("holds no level set of 32-bit floats, but \"density\" (float, fog volume): write"),
         std::string::npos)
         << refusal();
+    const auto sphere = [](const char* name) {
+        const openvdb::FloatGrid::Ptr grid =
+            openvdb::tools::createLevelSetSphere<openvdb::FloatGrid>(1.0F, openvdb::Vec3f(0.0F), 0.1F);
+        grid->setName(name);
+        return grid;
+    };
+    std::ostringstream several;
+    openvdb::io::Stream(several).write(openvdb::GridPtrVec{sphere("left"), fog, sphere("right")});
+    write_bytes(several.str());
+    EXPECT_NE(refusal().find("holds several level sets, \"left\" and \"right\": write each"),
+              std::string::npos)
+        << refusal();
+    const openvdb::FloatGrid::Ptr air = sphere("air");
+    for (auto value = air->beginValueAll(); value; ++value) value.setValue(std::abs(*value) + 0.1F);
+    write_grid(air);
+    EXPECT_NE(refusal().find("is a level set without a surface"), std::string::npos) << refusal();
     write_bytes("this is not a level set");
     EXPECT_NE(refusal().find("is no OpenVDB file, or is damaged"), std::string::npos) << refusal();
     write_bytes("");

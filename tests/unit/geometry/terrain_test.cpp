@@ -609,6 +609,34 @@ TEST(Terrain, WindsOfTheSolverDiffer) {
     EXPECT_NE(calm.stats.warnings[0].find("never exceeds the threshold"), std::string::npos);
 }
 
+TEST(Terrain, RecordsOfWindAreChecked) {
+    const std::string file = ::testing::TempDir() + "marram_wind.csv";
+    const auto said = [&](const std::string& rows, const std::string& wind = "wind = \"record\"\n") {
+        std::ofstream(file) << "time,speed,direction\n" << rows;
+        std::string text;
+        try {
+            TestScene scene(evolving(wind + "record = \"" + file + "\""));
+            text = scene.build_errors();
+            for (const std::string& warning : scene.stats.warnings) text += warning;
+        } catch (const InputError& error) {
+            for (const Problem& problem : error.problems) text += to_string(problem);
+        }
+        return text;
+    };
+    const auto has = [](const std::string& text, const std::string& what) {
+        return text.find(what) != std::string::npos;
+    };
+    EXPECT_EQ(said("0,9,270\n1,8,260\n2,9,250\n"), "");
+    EXPECT_TRUE(has(said("0,3,270\n1,12,90\n8760,3,270\n8761,3,270\n"), "a gap of 8.76e+03 h after 1 h"));
+    EXPECT_TRUE(has(said("472222,9,270\n472223,8,260\n"), "known to 0.056 h only"));
+    EXPECT_TRUE(has(said("472222.01,9,270\n472222.02,8,260\n"), "count hours from the beginning"));
+    EXPECT_TRUE(has(said("0,9,270\n1,999,260\n"), "entry 2: speed above 150 m/s"));
+    EXPECT_TRUE(has(said("0,9,999\n1,9,260\n"), "entry 1: direction beyond 720 degrees"));
+    EXPECT_TRUE(has(said("0,9,270\n1,8,260\n", ""), "the record has no effect: the wind is steady"));
+    EXPECT_TRUE(has(said("0,2,270\n1,1,260\n"), "use a record of stronger wind"));
+    std::filesystem::remove(file);
+}
+
 // Curves and an image turn the wind by the same angle; the report has the number of directions.
 TEST(Terrain, TheWindOfTheSolverIsDrawn) {
     const std::string curves = "\n[[curves]]\ntype = \"points\"\nname = \"drawn\"\npoints = [[-9000, 0, ";

@@ -331,5 +331,52 @@ TEST(DuneSolver, AHeapBecomesABarchan) {
     EXPECT_LT(asymmetry, 0.05 * crest);
 }
 
+// Of all sand, what is on its way across the periodic border: at most about what a step carries.
+double most_airborne(const Domain& domain, const std::vector<SandUnits>& sand, const WindHistory& wind,
+                     double seconds, int times) {
+    const std::vector<float> rock(domain.count(), 0.0F);
+    DuneSolver solver(domain, {}, rock.data(), sand.data());
+    const double all = double(std::accumulate(sand.begin(), sand.end(), SandUnits(0)));
+    double most = 0.0;
+    for (int k = 0; k < times; ++k) {
+        solver.advance(wind, seconds);
+        most = std::max(most, std::abs(double(solver.airborne())) / all);
+    }
+    return most;
+}
+
+TEST(DuneSolver, NoSandIsMadeAtThePeriodicBorder) {
+    const double threshold = SandPhysics().threshold, day = 24.0 * seconds_per_hour;
+    const Domain domain{32, 32, 1.0, 0.0, 0.0};
+    std::vector<SandUnits> waves(domain.count());
+    for (size_t k = 0; k < waves.size(); ++k) {
+        const double x = 2.0 * pi * double(k % 32) / 32.0, z = 2.0 * pi * double(k / 32) / 32.0;
+        waves[k] =
+            sand_units(std::max(0.0, 1.0 + std::sin(2.0 * x + 1.0) * std::cos(z) + 0.3 * std::sin(3.0 * x)));
+    }
+    // Level sand hardly moves in the first wind, crests do; then the wind is strong. It was 20 times all sand.
+    for (const double above : {2.8e-3, 1.6e-4, 2.5e-6, 6e-7}) {
+        const SandWind weak{1.0, 0.0, threshold * (1.0 + above)}, strong{1.0, 0.0, 2.37 * threshold};
+        EXPECT_LT(most_airborne(domain, waves, wind_sequence({{weak, day}, {strong, day}, {weak, day}}),
+                                0.5 * day, 8),
+                  1e-5)
+            << above;
+    }
+    // Many winds, most of them above the threshold: it was 1 %.
+    ChaoticWind chaos;
+    chaos.spread = 20.0 * degree, chaos.mean = 1.18 * threshold, chaos.seconds = 3.0 * seconds_per_hour;
+    for (const uint64_t seed : {1, 2, 3}) {
+        chaos.seed = seed;
+        EXPECT_LT(most_airborne(domain, waves, chaotic_wind(chaos), 2.0 * day, 10), 1e-5) << seed;
+    }
+    // A domain much shorter than the saturation length: the outflow remembers the inflow. It was 0.7 times all sand
+    // after 0.7 s.
+    const Domain small{32, 32, 1e-3, 0.0, 0.0};
+    std::vector<SandUnits> slope(small.count());
+    for (size_t k = 0; k < slope.size(); ++k)
+        slope[k] = sand_units(1.0 + 2e-4 * (double(k % 32) + double(k / 32)) / 32.0);
+    EXPECT_LT(most_airborne(small, slope, steady_wind({1.0, 0.0, 0.391}), 0.26, 6), 1e-5);
+}
+
 } // namespace
 } // namespace marram

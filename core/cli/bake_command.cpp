@@ -94,6 +94,7 @@ int bake_command(const BakeOptions& options) {
     const Vec2d range = shot.description.globals.vec2("frames");
     const std::vector<double> frames = frames_to_bake(options, range);
     check_outputs(shot, frames, options);
+    check_baked_strands(shot, options);
     check_baked_attributes(shot, options.attributes);
     const int threads = threads_of(options);
     const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, size_t(threads));

@@ -74,17 +74,20 @@ std::string StateStore::file_of(double frame) const {
     return (fs::path(folder_) / fmt::format("{}{}", frame, ending)).string();
 }
 
+std::optional<StoredState> StateStore::in_memory(double frame) const {
+    const auto next = memory_.upper_bound(frame);
+    if (next == memory_.begin()) return {};
+    return StoredState{std::prev(next)->first, std::prev(next)->second};
+}
+
 std::optional<StoredState> StateStore::load(double frame) {
-    if (folder_.empty()) {
-        const auto next = memory_.upper_bound(frame);
-        if (next == memory_.begin()) return {};
-        return StoredState{std::prev(next)->first, std::prev(next)->second};
-    }
+    if (folder_.empty()) return in_memory(frame);
     std::error_code error;
     fs::create_directories(folder_, error); // now, not after hours of simulation
     if (error)
         throw InputError({folder_}, "cannot make this folder for states: " + error.message(),
                          "name another with --state");
+    std::optional<StoredState> unwritten = in_memory(frame);
     std::vector<double> frames;
     for (fs::directory_iterator it(folder_, error), end; !error && it != end; it.increment(error))
         if (const std::optional<double> found = frame_of(it->path());
@@ -92,24 +95,26 @@ std::optional<StoredState> StateStore::load(double frame) {
             frames.push_back(*found);
     std::ranges::sort(frames, std::greater<>());
     for (const double candidate : frames) {
+        if (unwritten && unwritten->frame >= candidate) break;
         if (std::optional<StoredState> state = read(file_of(candidate), digest_, candidate)) return state;
-        warnings_.push_back(file_of(candidate) + ": is damaged and is left out: it will be made anew");
+        warnings_.push_back(file_of(candidate) + ": is damaged and is left out: remove it");
     }
-    return {};
+    return unwritten;
 }
 
 void StateStore::store(double frame, const void* data, size_t byte_count) {
+    const char* bytes = static_cast<const char*>(data);
     if (!folder_.empty()) {
         try {
             write(frame, data, byte_count);
             return;
         } catch (const InputError& error) { // what was computed is worth more than the file
-            warnings_.push_back(
-                fmt::format("{}; states of this run are kept in memory, and are lost with it", error.what()));
-            folder_.clear();
+            if (memory_.empty())
+                warnings_.push_back(fmt::format(
+                    "{}; until it can be written, only the newest state is kept, in memory", error.what()));
+            memory_.clear();
         }
     }
-    const char* bytes = static_cast<const char*>(data);
     memory_[frame].assign(bytes, bytes + byte_count);
 }
 

@@ -28,17 +28,19 @@ class StateStore {
     // The state with the largest frame <= `frame`; empty if there is none. Cost: reading one file, more only
     // past damaged ones. Makes the folder; throws InputError if it cannot.
     std::optional<StoredState> load(double frame);
-    // If it cannot be written, this is a warning, and states are kept in memory from then on.
+    // A file that cannot be written is a warning: the newest such state is kept in memory.
     void store(double frame, const void* data, size_t byte_count);
     std::vector<std::string> take_warnings();
 
   private:
     std::string file_of(double frame) const;
+    std::optional<StoredState> in_memory(double frame) const;
     void write(double frame, const void* data, size_t byte_count) const; // throws InputError
 
     std::string folder_; // of this digest
     uint64_t digest_;
-    std::map<double, std::vector<char>> memory_;
+    std::map<double, std::vector<char>>
+        memory_; // with a folder: the newest state, if it could not be written
     std::vector<std::string> warnings_;
 };
 

@@ -104,6 +104,12 @@ void check_baked_formats(const BakeSettings& settings) {
                          "bake strands to .usda or .ply");
 }
 
+void check_baked_strands(const Shot& shot, const BakeSettings& settings) {
+    if (baked_format(extension_of_output(settings))->what == Baked::strands && !makes_strands(shot))
+        throw InputError({settings.output}, "the scene has no strands",
+                         "bake a scene with some, or the surface of its terrain or rock to .ply or .obj");
+}
+
 void check_baked_attributes(const Shot& shot, const std::vector<std::string>& names) {
     std::vector<std::string> known;
     for (const auto& procedural : shot.geometry.procedurals)
@@ -131,9 +137,6 @@ BuildSettings build_settings_for_bake(const Shot& shot, const BakeSettings& sett
 void write_baked(const Shot& shot, const World& world, const BakeSettings& settings,
                  const std::string& output) {
     const Baked what = baked_format(extension_of_output(settings))->what;
-    if (what == Baked::strands && !makes_strands(shot))
-        throw InputError({output}, "the scene has no strands",
-                         "bake a scene with some, or the surface of its terrain or rock to .ply or .obj");
     const bool strands =
         what == Baked::strands || (what == Baked::strands_or_surface && makes_strands(shot)) ||
         (what == Baked::surface_or_strands && makes_strands(shot) && meshes_with_grids(world).empty());

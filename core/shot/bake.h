@@ -23,6 +23,9 @@ struct BakeSettings {
 // Throws InputError for a format that is not written, or cannot hold what the settings name.
 void check_baked_formats(const BakeSettings& settings);
 
+// Throws InputError if the format holds strands and the scene makes none. After check_baked_formats().
+void check_baked_strands(const Shot& shot, const BakeSettings& settings);
+
 // Throws InputError for a name that is not an attribute of any curves of the scene.
 void check_baked_attributes(const Shot& shot, const std::vector<std::string>& names);
 

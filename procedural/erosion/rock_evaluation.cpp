@@ -220,8 +220,7 @@ void send_rock_warnings(const RockInstance& instance, const Values& values, cons
     const std::string& place = values.at("mesh").place;
     if (instance.eroded && instance.erosion.pieces > 0)
         send(instance.host, MARRAM_WARNING, "rock.pieces", place,
-             fmt::format("the rock has fallen apart, or was {} pieces: the largest is kept",
-                         instance.erosion.pieces + 1),
+             "the rock has fallen apart, or was several pieces: the largest is kept",
              "give each piece a rock of its own");
     if (instance.eroded && std::abs(instance.erosion.coarse - 1.0) > most_coarse) {
         const ErosionSettings settings = rock_erosion_settings(values, mesh);

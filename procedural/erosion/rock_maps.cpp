@@ -103,13 +103,13 @@ void send_map_warnings(const RockInstance& instance, const Values& values, const
     if (const double off = share_off_map(instance); off > least_reported)
         send(instance.host, MARRAM_WARNING, "rock.off_map", place,
              fmt::format(
-                 "{:.2g} % of the surface is not on the map: its uvs are outside 0 to 1, or cover no area",
+                 "{:.0f} % of the surface is not on the map: its uvs are outside 0 to 1, or cover no area",
                  100.0 * off),
              "give the mesh uvs within 0 to 1");
     if (const double shared = double(map.shared) / double(std::max<size_t>(map.known, 1));
         shared > least_reported)
         send(instance.host, MARRAM_WARNING, "rock.uvs_overlap", place,
-             fmt::format("{:.2g} % of the map lies in several triangles: the greatest value is kept",
+             fmt::format("{:.0f} % of the map lies in several triangles: the greatest value is kept",
                          100.0 * shared),
              "give the mesh uvs that do not overlap");
 }

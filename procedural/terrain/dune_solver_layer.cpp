@@ -69,7 +69,6 @@
 #include "procedural/terrain/shape_layer.h"
 
 #include "core/math/hash.h"
-#include "core/math/median.h"
 #include "procedural/state_bytes.h"
 #include "procedural/terrain/obstacle.h"
 #include "procedural/terrain/simulation.h"
@@ -340,22 +339,24 @@ WindRecord dune_record(const LayerContext& context) {
         return list;
     };
     WindRecord record{column("time"), column("speed"), column("direction")};
-    const double resolution = std::abs(record.time.front()) * 0x1p-23; // of the table's numbers
+    // Of the table's numbers, hours.
+    const double resolution = std::max(std::abs(record.time.front()), std::abs(record.time.back())) * 0x1p-23;
     for (double& time : record.time) time *= seconds_per_hour;
-    const std::string problem = wind_record_problem(record);
-    if (!problem.empty())
-        throw SceneFault("terrain.wind_record", place, "the record: " + problem,
-                         resolution > 1e-3 ? "count hours from the beginning of the record"
-                                           : "correct the file");
     std::vector<double> intervals;
     for (size_t k = 1; k < record.time.size(); ++k) intervals.push_back(record.time[k] - record.time[k - 1]);
-    const double usual = median(intervals) / seconds_per_hour;
-    if (resolution > 0.01 * usual)
+    std::vector<double> sorted = intervals;
+    std::sort(sorted.begin(), sorted.end());
+    const double usual =
+        sorted.empty() ? 0.0 : sorted[(sorted.size() - 1) / 2] / seconds_per_hour; // the median
+    if (usual >= 0.0 && resolution > 0.01 * usual && sorted.size() > 0)
         throw SceneFault(
             "terrain.wind_record", place,
-            fmt::format("the record's times are known to {:.2g} h only, as they begin at {:.0f} h",
-                        resolution, record.time.front() / seconds_per_hour),
-            "count hours from the beginning of the record");
+            fmt::format("the record's times are known to {:.2g} h only, as they are up to {:.0f} h",
+                        resolution, resolution * 0x1p23),
+            "count hours from the beginning of the record, or use a part of it");
+    const std::string problem = wind_record_problem(record);
+    if (!problem.empty())
+        throw SceneFault("terrain.wind_record", place, "the record: " + problem, "correct the file");
     const auto longest = std::max_element(intervals.begin(), intervals.end());
     if (*longest > 10.0 * usual * seconds_per_hour && context.warn)
         context.warn(

@@ -159,7 +159,9 @@ void set_layers(TerrainInstance& instance, const MarramFrame& frame, std::span<c
     const Vec2d wind = wind_of(values);
     const auto seed = uint64_t(values.integer("seed"));
     Digest shared;
-    const double speed = values.number("wind.speed");
+    const Vec3d direction = values.vec3("wind.direction");
+    // Along the ground. A vertical wind blows no sand.
+    const double speed = direction.x() != 0.0 || direction.z() != 0.0 ? values.number("wind.speed") : 0.0;
     shared.add(&instance.domain, sizeof(Domain))
         .add(wind.data(), 2 * sizeof(double))
         .add(&speed, sizeof speed)
@@ -179,7 +181,7 @@ void set_layers(TerrainInstance& instance, const MarramFrame& frame, std::span<c
             const std::shared_ptr<const TerrainLayer> before = instance.stack->find(layers.size(), made.type);
             context.before = before.get();
             context.frame = frame.frame;
-            context.wind_speed = values.number("wind.speed");
+            context.wind_speed = speed;
             context.simulation = &instance.simulation;
             context.scene = frame.colliders;
             context.curves = [&](std::string_view name) {

@@ -30,12 +30,13 @@
 // surface is blended smoothly from one border to the other there. Periodic transforms have exactly the grid's
 // size: sizes with factors 2, 3, 5 are fast, all others correct.
 //
-// The march starts at a border whose inflow is not known yet. Periodic: the inflow is the previous step's
-// outflow. The difference to this step's outflow, a fraction of a step's flux, is carried to the next step in
-// `airborne`; a step pays no more of it than its own flux (a step that ends with a wind can be far shorter than the one
-// before). The outflow remembers the fraction m = exp(-domain / L_sat) of the inflow: all of the difference would be paid
-// too often if the domain is shorter than L_sat, so 1 - m of it is (stable up to 2 (1 - m) / (1 + m)). If the strength of the wind changes, one march whose sand is discarded finds the flux; on the first step, and
-// if the wind comes from another side, two do.
+// The march starts at a border whose inflow is not known yet. Periodic: the inflow is the previous step's outflow. On
+// the first step, and if the wind changes, marches whose sand is discarded find it. The difference to this step's
+// outflow is carried to the next step in `airborne`, column by column. The outflow remembers the fraction m =
+// exp(-domain / L_sat) of the inflow: if all of the difference were paid at once, it would be paid too often in a domain
+// that is shorter than L_sat, so 1 - m of it is (stable up to 2 (1 - m) / (1 + m)). A step pays little more than its flux,
+// as the step before may have been far longer; what is left, and all of it in a calm, is added to the first row of the
+// bed or taken from the first sand downwind.
 //
 // Array rows run along x or along z, so that the wind crosses them at less than 45 degrees to their normal.
 // When that changes, the arrays are transposed.
@@ -360,6 +361,18 @@ double DuneSolver::stable_step(double stress) const {
     return rate > 0.0 ? settings_.stability / rate : infinity;
 }
 
+// Adds units of sand to the first row of a column, or takes them from the first rows that have some. Returns what was
+// added.
+SandUnits DuneSolver::settle(const DownwindGrid& course, size_t column, double units) {
+    double left = units;
+    for (int step = 0; left != 0.0 && step < rows_; ++step) {
+        double& sand = sand_[size_t(course.row(step)) * pitch() + column];
+        const double added = std::max(left, -sand);
+        sand += added, left -= added;
+    }
+    return SandUnits(units - left);
+}
+
 void DuneSolver::march(const DownwindGrid& course, double wind_row, const SandWind& wind,
                        const SaturationMaxima& peak, double seconds) {
     const bool periodic = settings_.border == DuneBorder::periodic;
@@ -375,20 +388,24 @@ void DuneSolver::march(const DownwindGrid& course, double wind_row, const SandWi
     const int direction = wind_row < 0.0 ? -1 : 1;
     const double saturated = settings_.physics.saturated_flux(greatest_strength_ * wind.shear_velocity);
     if (periodic) {
-        const bool known = state_.seam_direction[axis] == direction && state_.seam_saturated[axis] > 0.0;
-        if (const bool other_wind = state_.seam_saturated[axis] != saturated; !known || other_wind) {
-            // With a wind field, or an unknown flux, from an inflow of 0: after one pass it is that of the last rows.
-            const bool anew = !known || !stress_factor_.empty();
-            for (size_t b = 0; !anew && b < seam.size(); ++b) front_[b] = std::rint(seam[b] * input.scale);
-            for (int pass = 0; pass < (anew ? 2 : 1); ++pass)
-                march_.run(course, settings_.border, input, pitch(), front_.data(), sand_next_.data());
-            for (size_t b = 0; b < seam.size(); ++b) seam[b] = front_[b] / input.scale;
-            state_.seam_saturated[axis] = saturated;
+        const double length = rows_ * domain_.cell / settings_.physics.saturation_length();
+        if (!(peak.flux > 0.0)) {
+            std::fill(seam.begin(), seam.end(), 0.0);
+        } else if (state_.seam_direction[axis] != direction || state_.seam_saturated[axis] != saturated) {
+            March::Input probe = input; // long enough for its flux to be known, however short the step is
+            probe.scale = std::max(input.scale, least_units / peak.flux);
+            const int passes =
+                2 + int(std::min(14.0 / length, 200.0)); // from 0: less than exp(-14) is missing
+            for (int pass = 0; pass < passes; ++pass)
+                march_.run(course, settings_.border, probe, pitch(), front_.data(), sand_next_.data());
+            for (size_t b = 0; b < seam.size(); ++b) seam[b] = front_[b] / probe.scale;
         }
-        const double forgotten = -std::expm1(-rows_ * domain_.cell / settings_.physics.saturation_length());
+        const double forgotten = peak.flux > 0.0 ? -std::expm1(-length) : 1.0;
         for (size_t b = 0; b < seam.size(); ++b) {
             const double flux = seam[b] * input.scale, most = most_owed * flux;
-            const double owed = std::clamp(forgotten * double(airborne[b]), -most, most);
+            const double due = std::rint(forgotten * double(airborne[b])),
+                         owed = std::clamp(due, -most, most);
+            airborne[b] -= settle(course, b, due - std::rint(owed));
             front_[b] = std::max(std::rint(flux) + std::rint(owed), 0.0);
             airborne[b] -= SandUnits(front_[b]);
         }

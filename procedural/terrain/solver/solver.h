@@ -90,7 +90,7 @@ class DuneSolver {
     int64_t steps() const { return state_.steps; }
     SandUnits in() const { return state_.in; }
     SandUnits out() const { return state_.out; }
-    // Sand not yet balanced at periodic borders; 0 or little. Bed + airborne - in + out is constant.
+    // Sand not yet balanced at periodic borders, about what a step carries at most. Bed + airborne - in + out is constant.
     SandUnits airborne() const;
     void sand(std::span<SandUnits> out) const;
     // The fraction of the ground that plants cover. Requires plants.
@@ -113,6 +113,7 @@ class DuneSolver {
     void set_plants();
     void grow(double seconds);
     double stable_step(double stress) const;
+    SandUnits settle(const DownwindGrid& course, size_t column, double units);
     void march(const DownwindGrid& course, double wind_row, const SandWind& wind,
                const SaturationMaxima& peak, double seconds);
 

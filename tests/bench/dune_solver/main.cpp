@@ -357,10 +357,12 @@ void print_conservation(int64_t steps) {
         for (int i = 0; i < domain.nx; ++i)
             start[domain.index(i, j)] = sand_units(std::max(
                 0.0, 2.5 * std::sin(0.13 * i) * std::cos(0.11 * j) + 0.4 * std::sin(0.7 * i + 0.3 * j)));
-    const WindHistory wind = wind_sequence({{{1.0, 0.0, 0.4}, 3.0 * seconds_per_hour},
-                                            {{-0.3, 0.9, 0.5}, 2.0 * seconds_per_hour},
-                                            {{0.7, -0.7, 0.1}, seconds_per_hour},
-                                            {{0.8, -0.7, 0.6}, seconds_per_hour}});
+    const WindHistory wind =
+        wind_sequence({{{1.0, 0.0, 0.4}, 3.0 * seconds_per_hour},
+                       {{-0.3, 0.9, 0.5}, 2.0 * seconds_per_hour},
+                       {{0.7, -0.7, 0.1}, seconds_per_hour},
+                       {{0.7, -0.7, 0.2201}, seconds_per_hour}, // hardly above the threshold
+                       {{0.8, -0.7, 0.6}, seconds_per_hour}});
     const auto sum = [](const std::vector<SandUnits>& sand) {
         SandUnits all = 0;
         for (const SandUnits units : sand) all += units;
@@ -371,8 +373,9 @@ void print_conservation(int64_t steps) {
                         s.seam_saturated, s.time, s.step_before, s.step_allowed, s.steps, s.in, s.out);
     };
     std::printf("conservation, in units of sand: bed + airborne + out - in against the bed at the start\n");
-    std::printf("%10s %8s %10s %20s %20s %20s %12s %16s\n", "border", "steps", "hours", "bed at start", "in",
-                "out", "difference", "resumed, threads");
+    std::printf("airborne: the most at any step, of the bed\n%10s %8s %10s %20s %20s %20s %12s %10s %16s\n",
+                "border", "steps", "hours", "bed at start", "in", "out", "difference", "airborne",
+                "resumed, threads");
     for (const auto& [border, name] : {std::pair{DuneBorder::periodic, "periodic"},
                                        {DuneBorder::open, "open"},
                                        {DuneBorder::walled, "walled"}}) {
@@ -386,20 +389,25 @@ void print_conservation(int64_t steps) {
                 stops.push_back(int64_t(unit_double(hash(11, k)) * double(steps)));
             std::sort(stops.begin(), stops.end());
             DuneState state;
+            SandUnits airborne = 0;
             for (size_t part = 0; part < stops.size(); ++part) {
                 DuneSolver solver(domain, settings, rock.data(), start.data());
                 if (part > 0) solver.restore(state);
-                solver.advance(wind, infinity, {.cancelled = [&] { return solver.steps() >= stops[part]; }});
+                solver.advance(wind, infinity, {.cancelled = [&] {
+                                   airborne = std::max(airborne, std::abs(solver.airborne()));
+                                   return solver.steps() >= stops[part];
+                               }});
                 state = solver.save();
                 if (part + 1 < stops.size()) continue;
                 std::vector<SandUnits> sand(start.size());
                 solver.sand(sand);
                 if (!resumes)
                     std::printf(
-                        "%10s %8lld %10.1f %20lld %20lld %20lld %12lld", name, (long long)solver.steps(),
-                        solver.time() / seconds_per_hour, (long long)sum(start), (long long)solver.in(),
-                        (long long)solver.out(),
-                        (long long)(sum(sand) + solver.airborne() + solver.out() - solver.in() - sum(start)));
+                        "%10s %8lld %10.1f %20lld %20lld %20lld %12lld %10.2g", name,
+                        (long long)solver.steps(), solver.time() / seconds_per_hour, (long long)sum(start),
+                        (long long)solver.in(), (long long)solver.out(),
+                        (long long)(sum(sand) + solver.airborne() + solver.out() - solver.in() - sum(start)),
+                        double(airborne) / double(sum(start)));
                 ends[resumes] = state;
             }
         }

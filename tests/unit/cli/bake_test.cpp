@@ -547,6 +547,61 @@ TEST(Bake, LeavesAFileOfStrandsIfThereAreNone) {
     EXPECT_EQ(outcome.code, 2);
     EXPECT_CONTAINS(outcome.err, "the scene has no strands");
     EXPECT_EQ(read_file(file), "strands");
+    const std::string frames = folder.write("a.usda", "frames");
+    EXPECT_EQ(marram({"bake", scene, "-o", frames, "--frames", "1-2"}).code, 2);
+    EXPECT_EQ(read_file(frames), "frames");
+}
+
+// The errors' text of baking a rock of a mesh.
+std::string baked_rock(const Folder& folder, const std::string& obj, const std::string& rock,
+                       const std::string& output) {
+    folder.write("rock.obj", obj);
+    const std::string scene = folder.write(
+        "rock.toml", "[camera]\nposition = [0, 1, 4]\ntarget = [0, 0, 0]\n[wind]\nspeed = 12\n"
+                     "[[mesh]]\nname = \"given\"\ntype = \"file\"\nfile = \"rock.obj\"\nsmooth = false\n"
+                     "[[procedural]]\nname = \"worn\"\ntype = \"rock\"\nmesh = \"given\"\n" +
+                         rock);
+    const ProgramResult outcome =
+        marram({"bake", scene, "-o", output, "--quiet", "--state", folder / "states"});
+    EXPECT_EQ(outcome.code, 0) << outcome.err;
+    return outcome.err;
+}
+
+// Two boxes that voxels of the first level join.
+TEST(Bake, SaysThatARockHasFallenApart) {
+    const Folder folder;
+    std::string obj;
+    for (const double low : {-1.0, 0.03})
+        for (int corner = 0; corner < 8; ++corner)
+            obj += fmt::format("v {} {} {}\n", low + (corner & 1) * 0.97, (corner >> 1 & 1) * 0.8,
+                               (corner >> 2) * 0.9);
+    for (const int first : {1, 9})
+        for (const auto& face :
+             {std::array{0, 2, 3, 1}, {4, 5, 7, 6}, {0, 1, 5, 4}, {2, 6, 7, 3}, {0, 4, 6, 2}, {1, 3, 7, 5}})
+            obj += fmt::format("f {} {} {} {}\n", first + face[0], first + face[1], first + face[2],
+                               first + face[3]);
+    const std::string said = baked_rock(
+        folder, obj, "sand_level = 0\nlevels = 3\nvoxel = 0.02\nyears = 1\npaths = 2000\n", folder / "a.ply");
+    EXPECT_CONTAINS(said, "fallen apart");
+}
+
+// Uvs outside 0 to 1 leave a black map, and triangles that overlap on it are told of.
+TEST(Bake, SaysWhatAMapOfARockLacks) {
+    const Folder folder;
+    const auto map = [&](const std::string& uvs) {
+        return baked_rock(folder,
+                          "v -1 0 -1\nv -1 0 1\nv -1 2 0\nv 1 0 0\n" + uvs +
+                              "f 1/1 2/2 3/3\nf 4/1 3/3 2/2\nf 4/1 1/2 3/3\nf 4/1 2/2 1/3\n",
+                          "sand_level = -1\nmap = 16\npaths = 20000\n", folder / "map.exr");
+    };
+    const auto most = [&] { return std::ranges::max(read_image(folder / "map.exr").pixels); };
+    const std::string overlapping = map("vt 0 0\nvt 1 0\nvt 0 1\n");
+    EXPECT_CONTAINS(overlapping, "of the map lies in several triangles");
+    EXPECT_EQ(overlapping.find("is not on the map"), std::string::npos) << overlapping;
+    EXPECT_GT(most(), 0.5F);
+    EXPECT_CONTAINS(map("vt 5 5\nvt 6 5\nvt 5 6\n"), "100 % of the surface is not on the map");
+    EXPECT_EQ(most(), 0.0F);
+    EXPECT_CONTAINS(map("vt 0.5 0.5\nvt 0.5 0.5\nvt 0.5 0.5\n"), "is not on the map");
 }
 
 } // namespace

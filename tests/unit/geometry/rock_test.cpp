@@ -9,8 +9,6 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
-#include <fstream>
-#include <memory>
 
 namespace marram::testing {
 namespace {
@@ -173,12 +171,16 @@ bool warns(const TestScene& scene, const std::string& what) {
 // What was given, less what is left. The first of four levels has few voxels across the ball: this is warned of.
 TEST(Rock, ReportsWhatIsGone) {
     const std::string settings = "sand_level = 0\nspeed = 12\nheight = 1\nvoxel = 0.08\nyears = 500\n";
+    double one = 0.0; // m^3, with one level
     for (const int levels : {1, 2, 4}) {
         TestScene scene(ball + rock(settings + "levels = " + std::to_string(levels) + "\n"));
         scene.build();
         const double removed = scene.stats.report("rock.erosion_removed");
-        EXPECT_GT(removed, 0.0) << levels;
-        EXPECT_LT(removed, 4.2) << levels;
+        if (levels < 4) {
+            EXPECT_NEAR(removed, one > 0.0 ? one : removed, 0.2 * removed) << levels;
+        }
+        EXPECT_GT(removed, 0.01) << levels;
+        if (levels == 1) one = removed;
         EXPECT_EQ(warns(scene, "of 4 levels has voxels of 0.64 m"), levels == 4);
     }
 }
@@ -194,35 +196,6 @@ TEST(Rock, SaysWhyNothingWears) {
     said("sand_level = 0\nspeed = 10\nbed_speed = 20", "20 m/s is more than the grains' speed, 10 m/s");
 }
 
-// Two balls that voxels of the first level join.
-TEST(Rock, SaysThatItHasFallenApart) {
-    const std::string file = ::testing::TempDir() + "marram_balls.obj";
-    std::ofstream out(file);
-    auto add = [&, first = 1](float x) mutable { // an octahedron
-        for (const int axis : {0, 1, 2})
-            for (const float side : {-1.0F, 1.0F}) {
-                Vec3f p = Vec3f::Zero();
-                p[axis] = side;
-                out << "v " << p.x() + x << ' ' << p.y() + 1.0F << ' ' << p.z() << '\n';
-            }
-        for (const int a : {0, 1})
-            for (const int b : {2, 3})
-                for (const int c : {4, 5}) {
-                    const bool turned = (a + b + c) % 2 == 0;
-                    out << "f " << first + a << ' ' << first + (turned ? c : b) << ' '
-                        << first + (turned ? b : c) << '\n';
-                }
-        first += 6;
-    };
-    add(-1.02F), add(1.02F);
-    out.close();
-    TestScene scene(mesh("ball", "file", "file = \"" + file + "\"") +
-                    rock("sand_level = 0\nspeed = 12\nlevels = 3\nvoxel = 0.02\nyears = 1\n"));
-    scene.build();
-    EXPECT_TRUE(warns(scene, "fallen apart"));
-    std::filesystem::remove(file);
-}
-
 TEST(Rock, WearsAsMuchFarFromTheOrigin) {
     const auto volume = [](double x) {
         TestScene scene(
@@ -232,27 +205,6 @@ TEST(Rock, WearsAsMuchFarFromTheOrigin) {
         return scene.stats.report("rock.volume");
     };
     EXPECT_NEAR(volume(1e4) / volume(0.0), 1.0, 0.01);
-}
-
-// Uvs outside 0 to 1 would leave a black map, and of triangles that overlap the last one would win.
-TEST(Rock, SaysWhatTheMapLacks) {
-    const auto map = [](const std::string& uvs) {
-        const std::string file = ::testing::TempDir() + "marram_wedge.obj";
-        std::ofstream(file) << "v -1 0 -1\nv -1 0 1\nv -1 2 0\nv 1 0 0\n"
-                            << uvs << "f 1/1 2/2 3/3\nf 4/1 3/3 2/2\nf 4/1 1/2 3/3\nf 4/1 2/2 1/3\n";
-        auto scene = std::make_unique<TestScene>(mesh("ball", "file", "file = \"" + file + "\"") +
-                                                 rock("sand_level = -1\nspeed = 12\nmap = 16\n"));
-        const World world = scene->build();
-        const std::vector<float>& pixels = mesh_of(world, "worn").grids.at(0).values;
-        EXPECT_EQ(*std::ranges::max_element(pixels) > 0.0F, !uvs.starts_with("vt 5"));
-        std::filesystem::remove(file);
-        return scene;
-    };
-    const auto overlapping = map("vt 0 0\nvt 1 0\nvt 0 1\n");
-    EXPECT_TRUE(warns(*overlapping, "of the map lies in several triangles"));
-    EXPECT_FALSE(warns(*overlapping, "is not on the map"));
-    EXPECT_TRUE(warns(*map("vt 5 5\nvt 6 5\nvt 5 6\n"), "1e+02 % of the surface is not on the map"));
-    EXPECT_TRUE(warns(*map("vt 0.5 0.5\nvt 0.5 0.5\nvt 0.5 0.5\n"), "is not on the map"));
 }
 
 TEST(Rock, FaultsNameTheirPlace) {

@@ -226,7 +226,8 @@ void add_measure(CLI::App& app, Commands& c) {
 void add_compare(CLI::App& app, Commands& c) {
     CLI::App* command = app.add_subcommand(
         "compare",
-        "whether two pictures are alike: exit code 0 alike, 1 different, 2 they cannot be compared");
+        "whether two pictures are alike: exit code 0 alike, 1 different, 2 they cannot be compared, or noise is "
+        "too great to tell");
     command->add_option("test", c.compare.test, "picture to test")->required()->type_name("A");
     command->add_option("reference", c.compare.reference, "what it is compared with")
         ->required()

@@ -41,6 +41,21 @@ void print_reading(const Picture& a, const Picture& b, const Comparison& c) {
     if (c.swapped) fmt::print("{:<12} A carries limits: B is judged by it\n", "golden");
 }
 
+// What the tests of noise would have found.
+void print_power(const Comparison& c) {
+    if (c.light > 0.0) {
+        fmt::print("{:<12} differences of the mean by size, in % of the picture's light:", "found from");
+        for (const ScaleResult& s : c.scales)
+            fmt::print(" {} {:.2g}", s.size == 0 ? std::string("whole") : fmt::format("{}", s.size),
+                       100.0 * s.limit * s.deviation / c.light);
+        fmt::print("\n");
+    }
+    if (c.ratios.empty()) return;
+    fmt::print("{:<12} squared differences relative to the variance (limit) by size:", "over all");
+    for (const RatioResult& r : c.ratios) fmt::print(" {} {:.3g} ({:.3g})", r.size, r.ratio, r.limit);
+    fmt::print("\n");
+}
+
 void print(const Comparison& c) {
     for (const LayerResult& layer : c.layers)
         fmt::print("{:<12} RMSE {:.4g}, relative MSE {:.4g}, PSNR {:.2f} dB, at most {:.4g}{}\n",
@@ -55,12 +70,16 @@ void print(const Comparison& c) {
             fmt::print(" {} {:.3g} ({:.3g})", s.size == 0 ? std::string("whole") : fmt::format("{}", s.size),
                        s.worst, s.limit);
         fmt::print("\n");
+        print_power(c);
     } else {
         fmt::print("{:<12} not known: {}\n", "noise", c.unknown);
     }
     for (const std::string& note : c.notes) fmt::print("{}\n", note);
     for (const std::string& fault : c.faults) fmt::print("{}\n", fault);
-    fmt::print("{}\n", !c.alike() ? "different" : c.equal ? "alike: every number is the same" : "alike");
+    fmt::print("{}\n", c.different() ? "different"
+                       : c.equal     ? "alike: every number is the same"
+                       : c.alike()   ? "alike"
+                                     : "cannot tell: " + c.doubt);
 }
 
 int compare_files(const CompareOptions& options) {
@@ -79,7 +98,7 @@ int compare_files(const CompareOptions& options) {
         writer.commit();
         fmt::print("{}\n", page);
     }
-    return comparison.alike() ? 0 : 1;
+    return comparison.different() ? exit_different : comparison.alike() ? exit_done : exit_bad_input;
 }
 
 } // namespace

@@ -14,8 +14,9 @@ inline constexpr int exit_interrupted = 130; // 128 + SIGINT, as shells have it
 inline constexpr ExitCode exit_codes[] = {
     {exit_done, "done; the pictures of marram compare are alike"},
     {exit_different, "the pictures of marram compare are different"},
-    {exit_bad_input,
-     "bad input: stderr has one line for each mistake, file:line:column: what is wrong: what to do"},
+    {exit_bad_input, "bad input: stderr has one line for each mistake, file:line:column: what is wrong: what "
+                     "to do; or marram "
+                     "compare cannot tell: noise could hide a difference"},
     {exit_interrupted, "interrupted: what was there is saved under a name that says partial"}};
 
 } // namespace marram

@@ -3,10 +3,10 @@
 
 #include "core/compare/compare_layers.h"
 #include "core/compare/flip.h"
+#include "core/compare/noise.h"
 #include "core/compare/windows.h"
 #include "core/math/color.h"
 #include "core/math/problem.h"
-#include "core/math/vec.h"
 
 #include <fmt/format.h>
 
@@ -27,9 +27,9 @@ namespace {
 constexpr double plain_flip_mean = 0.03, plain_flip_99 = 0.25, plain_ssim = 0.9;
 constexpr double plain_flip_window = 0.35; // measurements: core/compare/compare.h
 constexpr double plain_below_zero = 0.03;  // of the reference's light
-constexpr double much_noisier = 4.0;       // ratio of the mean variances
 constexpr double noisy_flip_mean = 0.5;    // independent of the variance
-constexpr double level = 1e-3;             // probability of a false alarm, over all squares of all sizes
+// Mean FLIP of a difference that is just noticed everywhere: 2.3 in L* (M. Mahy et al., 1994), unfiltered.
+constexpr double noticed_flip_mean = 0.1;
 
 const Picture::Layer& picture_proper(const Picture& picture, const std::string& name) {
     const Picture::Layer* layer = picture.find("");
@@ -44,143 +44,6 @@ std::vector<float> colours_of(const Picture::Layer& layer) {
     for (size_t i = 0; i < pixels; ++i)
         std::copy_n(layer.pixels.data() + channels * i, 3, rgb.data() + 3 * i);
     return rgb;
-}
-
-// ---- noise ----------------------------------------------------------------------------------------------------------
-
-// The variance, at least the mean of its eight neighbours.
-std::vector<double> guarded(const std::vector<float>& variance, int width, int height) {
-    std::vector<double> out(variance.size());
-    for (int y = 0; y < height; ++y)
-        for (int x = 0; x < width; ++x)
-            for (int c = 0; c < 3; ++c) {
-                double sum = 0.0;
-                int count = 0;
-                for (int j = std::max(y - 1, 0); j <= std::min(y + 1, height - 1); ++j)
-                    for (int i = std::max(x - 1, 0); i <= std::min(x + 1, width - 1); ++i) {
-                        if (i == x && j == y) continue;
-                        sum += double(variance[3 * (size_t(j) * size_t(width) + size_t(i)) + size_t(c)]);
-                        ++count;
-                    }
-                const size_t at = 3 * (size_t(y) * size_t(width) + size_t(x)) + size_t(c);
-                out[at] = std::max(double(variance[at]), count > 0 ? sum / count : 0.0);
-            }
-    return out;
-}
-
-// Relative error of a colour stored as half float; a difference that is negligible relative to the picture's
-// mean; the smallest half: a golden frame's variance below it is stored as 0, and a colour may be off by half
-// of it.
-constexpr double rounding = 0x1p-12, nothing = 1e-4, least_half = 0x1p-24;
-
-ScaleResult worst_of(const std::vector<float>& test, const std::vector<float>& reference,
-                     const std::vector<double>& variance, double least, int width, int height, int size) {
-    ScaleResult worst;
-    worst.size = size;
-    const int w = size > 0 ? size : width, h = size > 0 ? size : height;
-    for (int y = 0; y < height; y += h)
-        for (int x = 0; x < width; x += w)
-            for (int c = 0; c < 3; ++c) {
-                double difference = 0.0, squares = 0.0;
-                for (int j = y; j < std::min(y + h, height); ++j)
-                    for (int i = x; i < std::min(x + w, width); ++i) {
-                        const size_t at = 3 * (size_t(j) * size_t(width) + size_t(i)) + size_t(c);
-                        difference += double(test[at]) - double(reference[at]);
-                        const double rounded = rounding * double(reference[at]);
-                        squares += variance[at] + rounded * rounded + least;
-                    }
-                const double off = std::abs(difference) / std::sqrt(squares);
-                if (!(off <= worst.worst)) {
-                    worst.worst = off;
-                    worst.x = x;
-                    worst.y = y;
-                    worst.channel = c;
-                }
-            }
-    return worst;
-}
-
-// The variance layer; nullptr if there is none, or for a single sample, where it is meaningless.
-const Picture::Layer* variance_of(const Picture& picture) {
-    return picture.samples == 1 ? nullptr : picture.find("variance");
-}
-
-void report_deviations(Comparison& result) {
-    const auto failing = std::ranges::count_if(result.scales, &ScaleResult::fails);
-    if (failing == 0) return;
-    const ScaleResult* worst = result.worst_scale();
-    const std::string where = worst->size == 1   ? fmt::format("pixel ({}, {}) is", worst->x, worst->y)
-                              : worst->size == 0 ? std::string("the whole picture is")
-                                                 : fmt::format("{0} x {0} pixels at ({1}, {2}) are",
-                                                               worst->size, worst->x, worst->y);
-    result.faults.push_back(fmt::format(
-        "more than noise: {} off in {} by {:.3g} standard deviations, the limit is {:.3g}{}", where,
-        std::array{"red", "green", "blue"}[size_t(worst->channel)], worst->worst, worst->limit,
-        failing > 1 ? fmt::format(" ({} of {} sizes of squares fail)", failing, result.scales.size()) : ""));
-}
-
-// A much greater variance of A than of B is accepted, but noted.
-void note_noise(const Picture::Layer& test, const Picture::Layer& reference, Comparison& result) {
-    double mine = 0.0, theirs = 0.0;
-    for (const float v : test.pixels) mine += double(v);
-    for (const float v : reference.pixels) theirs += double(v);
-    if (mine > much_noisier * theirs)
-        result.notes.push_back(
-            theirs > 0.0
-                ? fmt::format("the mean variance of A is {:.3g} times that of B: noise may hide differences",
-                              mine / theirs)
-                : std::string("the mean variance of B is 0, that of A is not: noise may hide differences"));
-}
-
-void judge_noise(const Picture& test, const Picture& reference, const std::vector<float>& a,
-                 const std::vector<float>& b, const std::optional<Limits>& limits, Comparison& result) {
-    const Picture::Layer *va = variance_of(test), *vb = variance_of(reference);
-    result.unknown = test.samples == 1 || reference.samples == 1
-                         ? "one sample a pixel has no variance"
-                         : "neither picture has a layer \"variance\" (--aov variance)";
-    if (!va && !vb) return;
-    // A picture without variance is assumed as noisy as the other, scaled by the sample counts.
-    const bool known = test.samples > 0 && reference.samples > 0;
-    result.unknown =
-        "only one picture has a layer \"variance\", and a sample count (marram:samples) is missing";
-    if (!limits && !(va && vb) && !known) return;
-    result.unknown.clear();
-    if (va && vb && !limits) note_noise(*va, *vb, result);
-    const double more = known ? double(test.samples) / double(reference.samples) : 1.0;
-    result.has_noise_estimate = true;
-    std::vector<float> variance(a.size());
-    for (size_t i = 0; i < variance.size(); ++i) {
-        const double mine = va ? double(va->pixels[i]) : double(vb->pixels[i]) / more;
-        const double theirs = vb ? double(vb->pixels[i]) : double(va->pixels[i]) * more;
-        constexpr double largest = 3e38;
-        // The variance of a golden frame is that of the difference.
-        variance[i] = float(std::min(limits && vb ? theirs : mine + theirs, largest));
-    }
-    const Halves halves = limits                        ? Halves::variance
-                          : test.half || reference.half ? Halves::colours
-                                                        : Halves::none;
-    result.scales = deviations(a, b, variance, halves, result.width, result.height);
-    double tests = 0.0;
-    for (const ScaleResult& scale : result.scales) {
-        const int w = scale.size > 0 ? scale.size : result.width,
-                  h = scale.size > 0 ? scale.size : result.height;
-        tests += 3.0 * std::ceil(double(result.width) / w) * std::ceil(double(result.height) / h);
-    }
-    // Unknown sample count: at least two, because otherwise there would be no variance.
-    const auto samples_of = [](const Picture& picture) { return std::max(picture.samples, 2); };
-    const int samples =
-        va && vb ? std::min(samples_of(test), samples_of(reference)) : samples_of(va ? test : reference);
-    for (ScaleResult& scale : result.scales) {
-        // Path contributions are not normally distributed: a sample counts as an eighth of a degree of
-        // freedom. A pixel's variance is guarded by its neighbours.
-        const double pixels =
-            scale.size > 0 ? double(scale.size) * scale.size : double(result.width) * result.height;
-        scale.limit = student_limit(level / tests, std::max(4.0, samples / 8.0 * std::max(pixels, 9.0)));
-        if (limits)
-            for (const auto& [size, limit] : limits->deviations)
-                if (size == scale.size) scale.limit = limit;
-    }
-    report_deviations(result);
 }
 
 // ---- whether they can be compared -----------------------------------------------------------------------------------
@@ -239,24 +102,6 @@ void check_comparable(const Picture& a, const Picture& b, const std::string& a_n
 
 } // namespace
 
-double student_limit(double p, double degrees) {
-    // Normal quantile: Newton iteration from a bound on erfc.
-    double z = std::sqrt(-2.0 * std::log(p));
-    for (int i = 0; i < 50; ++i) {
-        const double tail = std::erfc(z / std::sqrt(2.0)),
-                     slope = std::sqrt(2.0 / pi) * std::exp(-0.5 * z * z);
-        z += (tail - p) / slope;
-    }
-    const double g = (degrees - 1.5) / ((degrees - 1.0) * (degrees - 1.0));
-    return std::sqrt(degrees * std::expm1(g * z * z));
-}
-
-const ScaleResult* Comparison::worst_scale() const {
-    const auto share = [](const ScaleResult& scale) { return scale.worst / scale.limit; };
-    const auto at = std::ranges::max_element(scales, {}, share);
-    return at == scales.end() ? nullptr : &*at;
-}
-
 std::string to_text(const Limits& limits) {
     std::string text;
     for (const auto& [size, limit] : limits.deviations) text += fmt::format("{}:{:.4g} ", size, limit);
@@ -286,23 +131,6 @@ std::optional<Limits> limits_from(const std::string& text) {
         !number(mean, limits.flip_mean) || !number(most, limits.flip_99) || !number(ssim, limits.ssim))
         return std::nullopt;
     return limits;
-}
-
-std::vector<ScaleResult> deviations(const std::vector<float>& test, const std::vector<float>& reference,
-                                    const std::vector<float>& variance, Halves halves, int width,
-                                    int height) {
-    const std::vector<double> guarded_variance = guarded(variance, width, height);
-    double mean = 0.0;
-    for (const float v : reference) mean += std::abs(double(v)) / double(reference.size());
-    const double rounding_variance = halves == Halves::variance  ? least_half
-                                     : halves == Halves::colours ? 0.25 * least_half * least_half
-                                                                 : 0.0;
-    const double least = std::max(rounding_variance, nothing * nothing * mean * mean) + 1e-60;
-    std::vector<ScaleResult> scales;
-    for (int size = 1; size < std::max(width, height); size *= 2)
-        scales.push_back(worst_of(test, reference, guarded_variance, least, width, height, size));
-    scales.push_back(worst_of(test, reference, guarded_variance, least, width, height, 0));
-    return scales;
 }
 
 double mean_ssim(const std::vector<float>& test, const std::vector<float>& reference, int width, int height) {
@@ -346,19 +174,35 @@ void judge_layers(const Picture& test, const Picture& reference, Comparison& res
     }
 }
 
+struct Looks {
+    std::vector<float> flip;
+    double flip_mean = 0.0, flip_99 = 0.0, ssim = 1.0;
+    WorstWindow flip_window;
+};
+
+Looks looks_of(const std::vector<float>& a, const std::vector<float>& b, const Comparison& result) {
+    const int width = result.width, height = result.height;
+    Looks looks;
+    looks.flip = flip_map(a, b, width, height, result.display ? Range::display : Range::linear);
+    std::vector<float> sorted = looks.flip;
+    std::ranges::sort(sorted);
+    for (const float f : sorted) looks.flip_mean += double(f) / double(sorted.size());
+    looks.flip_99 = double(sorted[std::min(sorted.size() - 1, sorted.size() * 99 / 100)]);
+    looks.flip_window = worst_window(looks.flip, width, height);
+    looks.ssim = mean_ssim(a, b, width, height);
+    return looks;
+}
+
 void judge_perception(const std::vector<float>& a, const std::vector<float>& b,
                       const std::optional<Limits>& limits, Comparison& result) {
-    const int width = result.width, height = result.height;
-    result.flip = flip_map(a, b, width, height, result.display ? Range::display : Range::linear);
-    std::vector<float> sorted = result.flip;
-    std::ranges::sort(sorted);
-    for (const float f : sorted) result.flip_mean += double(f) / double(sorted.size());
-    result.flip_99 = double(sorted[std::min(sorted.size() - 1, sorted.size() * 99 / 100)]);
-    const WorstWindow worst = worst_window(result.flip, width, height);
-    result.flip_window = worst.mean;
-    result.flip_window_x = worst.x;
-    result.flip_window_y = worst.y;
-    result.ssim = mean_ssim(a, b, width, height);
+    Looks looks = looks_of(a, b, result);
+    result.flip = std::move(looks.flip);
+    result.flip_mean = looks.flip_mean;
+    result.flip_99 = looks.flip_99;
+    result.flip_window = looks.flip_window.mean;
+    result.flip_window_x = looks.flip_window.x;
+    result.flip_window_y = looks.flip_window.y;
+    result.ssim = looks.ssim;
     constexpr double infinity = std::numeric_limits<double>::infinity();
     const bool perception_decides = !limits && !result.has_noise_estimate;
     result.flip_mean_limit = limits               ? limits->flip_mean
@@ -378,9 +222,70 @@ void judge_perception(const std::vector<float>& a, const std::vector<float>& b,
     require(result.flip_99 <= result.flip_99_limit, "the 99th percentile of FLIP", result.flip_99,
             result.flip_99_limit, "above");
     require(result.flip_window <= result.flip_window_limit,
-            fmt::format("mean FLIP of {} at ({}, {})", window_text(width, height), worst.x, worst.y),
+            fmt::format("mean FLIP of {} at ({}, {})", window_text(result.width, result.height),
+                        result.flip_window_x, result.flip_window_y),
             result.flip_window, result.flip_window_limit, "above");
     require(result.ssim >= result.ssim_limit, "SSIM", result.ssim, result.ssim_limit, "below");
+}
+
+bool look_alike(const Comparison& c) {
+    return c.flip_mean <= plain_flip_mean && c.flip_99 <= plain_flip_99 &&
+           c.flip_window <= plain_flip_window && c.ssim >= plain_ssim;
+}
+
+// How far a difference is beyond what is noticed, as the factor of samples that lowers it to that: FLIP grows
+// with a difference to the power 0.7. Not by the other limits: noise has a low SSIM and single pixels far off,
+// however weak it looks.
+struct Beyond {
+    double factor = 0.0;
+    std::string what;
+};
+
+Beyond beyond_notice(const Looks& looks) {
+    const auto flip = [](double value, double limit, const char* name) {
+        return Beyond{std::pow(value / limit, 2.0 / 0.7),
+                      fmt::format("{} {:.3g}, above {:.3g}", name, value, limit)};
+    };
+    return std::max(flip(looks.flip_mean, noticed_flip_mean, "mean FLIP"),
+                    flip(looks.flip_window.mean, plain_flip_window, "FLIP of the worst window"),
+                    [](const Beyond& a, const Beyond& b) { return a.factor < b.factor; });
+}
+
+std::string samples_text(double factor, int samples) {
+    if (samples < 1) return fmt::format("{:.2g} times as many samples", factor);
+    return fmt::format("about {:.0f} samples a pixel",
+                       std::exp2(std::ceil(std::log2(factor * double(samples)))));
+}
+
+// Where noise explains what looks different: whether it could also hide a difference that would be noticed.
+void judge_power(const Picture& test, const Picture& reference, const std::vector<float>& b,
+                 const std::vector<float>& variance, Comparison& result) {
+    if (result.golden || variance.empty() || result.equal || !result.alike() || look_alike(result)) return;
+    double factor = 1.0;
+    std::string what;
+    for (const RatioResult& ratio : result.ratios) {
+        if (ratio.size != 1 && ratio.size != 4 && ratio.size != 16) continue; // those between are alike
+        if (std::isinf(ratio.limit)) {
+            result.doubt = "noise could hide any difference: too few pixels have noise to judge it by; "
+                           "render both larger, or with more samples";
+            return;
+        }
+        // The factor is extrapolated from the looks with the samples so far: until it holds.
+        constexpr int max_rounds = 5;
+        for (int round = 0; round < max_rounds; ++round) {
+            const double times = std::sqrt(ratio.limit / factor);
+            const Beyond beyond = beyond_notice(
+                looks_of(with_hidden_difference(b, variance, ratio.size, times, result.width, result.height),
+                         b, result));
+            if (beyond.factor <= 1.0) break;
+            if (what.empty()) what = beyond.what;
+            factor *= std::max(beyond.factor, 1.1);
+        }
+    }
+    if (factor > 1.0)
+        result.doubt =
+            fmt::format("noise could hide a difference that people would see ({}): render both with {}", what,
+                        samples_text(factor, std::max(test.samples, reference.samples)));
 }
 
 // FLIP and SSIM treat negative light as 0.
@@ -416,10 +321,14 @@ Comparison compare_pictures(const Picture& test, const Picture& reference, const
                              b = colours_of(picture_proper(reference, reference_name));
     const std::optional<Limits> limits = limits_from(reference.limits);
     result.golden = limits.has_value();
-    judge_noise(test, reference, a, b, limits, result);
     result.display = test.display && reference.display;
+    for (const float v : b) result.light += std::abs(double(v)) / double(b.size());
+    const std::vector<float> variance = variance_of_difference(test, reference, limits, result);
+    result.has_noise_estimate = !variance.empty();
+    if (result.has_noise_estimate) judge_noise(test, reference, a, b, variance, limits, result);
     judge_perception(a, b, limits, result);
     judge_below_zero(a, b, result);
+    judge_power(test, reference, b, variance, result);
     return result;
 }
 

@@ -6,10 +6,21 @@
 //               the whole picture, where small systematic differences add up. The limits are those of a
 //               golden frame (measured from renders with other seeds); otherwise all squares are tested
 //               together at the level 0.001 (Bonferroni), with Student's t for the degrees of freedom of the
-//               samples.
+//               samples. In this case small differences all over the picture are found as well: the ratio of
+//               the squared differences to the variance, of squares of 1, 2, 4, 8, 16 pixels, in blocks of
+//               16 x 16, averaged over the blocks with noise. It is at most 1 if noise is all (0.5 to 0.7 on
+//               a lawn with 16 samples, since samples are stratified and the variance is an upper estimate);
+//               the limit is 1.1 plus what Student's t allows for the spread of the blocks.
 //   perception  Mean and 99th percentile of FLIP (flip.h), and its mean in the worst window of 16 x 16
 //               pixels.
 //   structure   Mean SSIM of the luminance.
+//
+// Noise may be too great for its tests. So if the pictures pass them, and yet the looks are beyond the limits
+// without variance (below), the greatest difference that noise could hide is judged by its own looks: B is
+// compared with B plus, in squares of 1, 4 and 16 pixels, the standard deviation of the difference times the
+// root of the ratio's limit. (The ratio is 0 without a difference if both have the same seed, so that is found
+// no earlier.) If that is beyond the limits (mean FLIP 0.1, which is just noticed everywhere, and 0.35 in
+// the worst window), whether the pictures are alike cannot be told, and `doubt` has the samples that it takes.
 //
 // Without variance noise cannot be distinguished from errors. Then perception and structure alone decide,
 // with the limits in compare.cpp. The limit for the worst window (every 8th pixel, and the last) is 0.35. 238
@@ -51,6 +62,7 @@
 
 #include "core/image/picture.h"
 
+#include <limits>
 #include <optional>
 #include <string>
 #include <vector>
@@ -62,7 +74,16 @@ struct ScaleResult {
     int size = 1; // side in pixels; 0: the whole picture
     double worst = 0.0, limit = 0.0;
     int x = 0, y = 0, channel = 0; // of the worst square
+    double deviation = 0.0;        // standard deviation of a square's mean, the median over the squares
     bool fails() const { return !(worst <= limit); }
+};
+
+// Squared differences of squares of one size relative to the variance, averaged over the picture.
+struct RatioResult {
+    int size = 1; // side in pixels
+    double ratio = 0.0,
+           limit = std::numeric_limits<double>::infinity(); // infinite: too few blocks have noise
+    bool fails() const { return !(ratio <= limit); }
 };
 
 // Limits of a golden frame, measured from renders that differ only in the seed.
@@ -93,15 +114,19 @@ struct Comparison {
     bool golden = false;  // the reference carries limits
     bool swapped = false; // only the first picture carries limits: it was the reference
     std::vector<ScaleResult> scales;
+    std::vector<RatioResult> ratios; // of sizes 1, 2, 4, ...; none for a golden frame
+    double light = 0.0;              // mean of the reference's colours
     double flip_mean = 0.0, flip_99 = 0.0, ssim = 1.0;
     double flip_window = 0.0;                 // mean FLIP of the worst 16 x 16 pixels
     int flip_window_x = 0, flip_window_y = 0; // their first pixel
     double flip_mean_limit = 0.0, flip_99_limit = 0.0, ssim_limit = 1.0; // if not tested: -, infinite, -1
     double flip_window_limit = 0.0;                                      // if not tested: infinite
     std::vector<std::string> faults; // messages of failed tests; none: alike
+    std::string doubt;               // why it cannot be told whether they are alike; "": it can
     std::vector<std::string> notes;  // messages that are not faults
     std::vector<float> flip;         // FLIP map
-    bool alike() const { return faults.empty(); }
+    bool different() const { return !faults.empty(); }
+    bool alike() const { return faults.empty() && doubt.empty(); }
     const char* flip_kind() const {
         return display ? "of what a display shows" : "of linear light, exposed for all its range";
     }

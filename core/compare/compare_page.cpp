@@ -311,23 +311,33 @@ std::string filters() {
 
 std::string compare_page(const ComparedFile& test, const ComparedFile& reference,
                          const Comparison& comparison) {
-    const std::string verdict = comparison.alike() ? (comparison.equal ? "Equal" : "Alike") : "Different";
+    const std::string verdict = comparison.different() ? "Different"
+                                : comparison.equal     ? "Equal"
+                                : comparison.alike()   ? "Alike"
+                                                       : "Cannot tell";
     std::string out = fmt::format(
         "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>{}: {} and {}</title>\n"
         "<meta name=\"viewport\" content=\"width=device-width,initial-scale=1\">\n{}</head><body><main>\n"
         "<div class=\"verdict {}\"><h1>{}</h1>\n",
         verdict, escaped(test.path), escaped(reference.path), page::style,
-        comparison.alike() ? "alike" : "different", verdict);
+        comparison.different() ? "different"
+        : comparison.alike()   ? "alike"
+                               : "doubt",
+        verdict);
     for (const std::string& fault : comparison.faults) out += fmt::format("<p>{}</p>\n", escaped(fault));
+    if (!comparison.different() && !comparison.doubt.empty())
+        out += fmt::format("<p>{}</p>\n", escaped(comparison.doubt));
     for (const std::string& note : comparison.notes) out += fmt::format("<p>{}</p>\n", escaped(note));
     if (comparison.swapped)
         out += "<p>A carries limits: B is judged by it, and numbers are relative to A.</p>\n";
     if (comparison.alike())
-        out += comparison.equal ? "<p>Every number is the same.</p>\n"
-               : comparison.has_noise_estimate
-                   ? "<p>All differences are within the noise given by the pictures' variance.</p>\n"
-                   : "<p>They look the same. Noise is unknown, so it cannot be tested: " +
-                         escaped(comparison.unknown) + ".</p>\n";
+        out +=
+            comparison.equal ? "<p>Every number is the same.</p>\n"
+            : comparison.has_noise_estimate
+                ? "<p>All differences are within the noise given by the pictures' variance, and a difference "
+                  "that people would see would have been found.</p>\n"
+                : "<p>They look the same. Noise is unknown, so it cannot be tested: " +
+                      escaped(comparison.unknown) + ".</p>\n";
     out += fmt::format("<p class=\"files\">A, judged: {}<br>B, reference: {}</p></div>\n", escaped(test.path),
                        escaped(reference.path));
     size_t number = 0;

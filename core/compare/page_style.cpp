@@ -20,6 +20,7 @@ kbd{font:inherit;padding:0 .35em;border:1px solid var(--line);border-radius:3px;
 .verdict{padding:.8em 1.1em;margin:1em 0;border-left:.5em solid;border-radius:4px}
 .verdict h1{margin:0;font-size:1.6em;line-height:1.3} .verdict .files{margin-top:.6em}
 .alike{background:var(--good);border-color:var(--good-edge)} .different{background:var(--bad);border-color:var(--bad-edge)}
+.doubt{background:var(--other);border-color:var(--accent)}
 .controls{position:sticky;top:0;z-index:2;display:flex;flex-wrap:wrap;gap:.4em 1.6em;align-items:center;max-width:none;
 margin:.4em 0 .8em;padding:.4em .7em;background:var(--bar);border-radius:4px;font-size:14px;white-space:nowrap}
 .controls span,.controls label{display:flex;align-items:center;gap:.3em} .controls input{width:11em;min-width:0;accent-color:var(--accent)}

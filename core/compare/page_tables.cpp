@@ -38,7 +38,7 @@ std::string term(const char* name, const char* meaning) {
 
 std::string numbers(const Comparison& c, const Picture& picture) {
     const auto four = [](double v) { return fmt::format("{:.4g}", v); };
-    std::string layers, looks, scales;
+    std::string layers, looks, scales, ratios;
     for (const LayerResult& layer : c.layers)
         layers += row(!layer.fault.empty(), layer.name.empty() ? "picture" : escaped(layer.name),
                       cells({four(layer.rmse), four(layer.relative_mse), fmt::format("{:.2f}", layer.psnr),
@@ -61,12 +61,21 @@ std::string numbers(const Comparison& c, const Picture& picture) {
                                     : fmt::format("{0} &times; {0} pixels", s.size),
                       cells({four(s.worst), four(s.limit),
                              s.size == 0 || s.worst == 0.0 ? "" : fmt::format("({}, {})", s.x, s.y),
-                             channel_of(s, picture)}));
+                             channel_of(s, picture),
+                             c.light > 0.0 ? fmt::format("{:.2g} %", 100.0 * s.limit * s.deviation / c.light)
+                                           : std::string()}));
+    for (const RatioResult& r : c.ratios)
+        ratios +=
+            row(r.fails(),
+                r.size == 1 ? std::string("single pixels") : fmt::format("{0} &times; {0} pixels", r.size),
+                cells({four(r.ratio), four(r.limit)}));
     std::string out = "<h2>Numbers</h2>\n<p class=\"small\">Of linear light, for 8-bit pictures too.</p>\n" +
                       table({"layer", "RMSE", "relative MSE", "PSNR, dB", "greatest difference"}, layers) +
                       table({"looks", "value", "limit"}, looks);
     if (!scales.empty())
-        out += table({"noise: worst of", "standard deviations", "limit", "at", "channel"}, scales);
+        out +=
+            table({"noise: worst of", "standard deviations", "limit", "at", "channel", "found from"}, scales);
+    if (!ratios.empty()) out += table({"noise: all of", "squared differences / variance", "limit"}, ratios);
     out +=
         "<dl>\n" + term("RMSE", "root of the mean of squared differences of all numbers") +
         term("relative MSE",
@@ -81,7 +90,15 @@ std::string numbers(const Comparison& c, const Picture& picture) {
     if (!scales.empty())
         out +=
             term("standard deviations", "the difference of two means over a square, divided by its standard "
-                                        "deviation from the variance layers; the worst square of each size");
+                                        "deviation from the variance layers; the worst square of each size") +
+            term("found from", "the difference of a square&rsquo;s mean that would have been above the "
+                               "limit, relative to the mean "
+                               "light of B: the median over the squares");
+    if (!ratios.empty())
+        out += term(
+            "squared differences / variance",
+            "the mean over the picture&rsquo;s blocks of 16 &times; 16 pixels with noise; at most 1 if the "
+            "pictures differ in noise alone");
     return out + "</dl>\n";
 }
 

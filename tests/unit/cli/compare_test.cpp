@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // `marram compare` as users run it. Its page: compare_page_test.cpp.
+#include "core/math/hash.h"
 #include "program.h"
 
 #include <cstdlib>
@@ -39,6 +40,26 @@ TEST(Compare, tells_noise_from_change) {
     EXPECT_CONTAINS(wind.out, "more than noise: ");
     EXPECT_CONTAINS(wind.out, "\ndifferent\n");
     EXPECT_EQ(wind.err, "");
+}
+
+// Two pictures of noise alone: the exit code is that of pictures that cannot be compared.
+TEST(Compare, noise_that_hides_everything_is_not_alike) {
+    const Folder folder;
+    const std::vector<float> variance(size_t(3 * 48 * 32), 0.04F);
+    for (const char* name : {"a.exr", "b.exr"}) {
+        std::vector<float> rgb;
+        for (uint64_t i = 0; i < variance.size(); ++i)
+            rgb.push_back(hash(uint64_t(name[0]), i) % 2 == 0 ? 0.1F : 0.5F);
+        const Layer layers[] = {{"", {"R", "G", "B"}, rgb.data(), false},
+                                {"variance", {"R", "G", "B"}, variance.data(), false}};
+        write_exr(folder / name, 48, 32, layers, std::vector<Metadata>{{"marram:samples", 16}});
+    }
+    const ProgramResult done = marram({"compare", folder / "a.exr", folder / "b.exr"});
+    EXPECT_EQ(done.code, 2) << done.out;
+    EXPECT_EQ(done.err, "");
+    EXPECT_CONTAINS(done.out, "cannot tell: noise could hide a difference that people would see (");
+    EXPECT_CONTAINS(done.out, " samples a pixel\n");
+    EXPECT_CONTAINS(done.out, "\nfound from ");
 }
 
 TEST(Compare, refuses_what_it_cannot_compare) {

@@ -8,7 +8,9 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <cstdlib>
 #include <filesystem>
 #include <functional>
 
@@ -60,12 +62,14 @@ TEST(Compare, the_limit_is_students_t) {
 }
 
 TEST(Compare, noise_of_another_seed_is_alike) {
-    const Picture reference = made(1, 0.05);
+    constexpr double noise =
+        0.012; // weak enough to look alike: then noise cannot hide much, and nothing else is asked
+    const Picture reference = made(1, noise);
     int alarms = 0;
     double whole = 0.0;
     constexpr int seeds = 200;
     for (int i = 0; i < seeds; ++i) {
-        const Comparison c = compared(made(uint64_t(2 + i), 0.05), reference);
+        const Comparison c = compared(made(uint64_t(2 + i), noise), reference);
         EXPECT_TRUE(c.has_noise_estimate);
         EXPECT_FALSE(c.equal);
         alarms += !c.alike();
@@ -95,6 +99,46 @@ TEST(Compare, small_steady_differences_add_up) {
     EXPECT_FALSE(pixel.alike());
     EXPECT_EQ(pixel.worst_scale()->size, 1);
     EXPECT_EQ(pixel.worst_scale()->x, 7);
+}
+
+// A difference of 0.6 standard deviations in each pixel, with any sign: no square is off by much.
+TEST(Compare, small_differences_everywhere_are_found) {
+    const auto rough = [](double by) {
+        return made(2, 0.05, [=](int x, int y, int c) {
+            return hash(7, uint64_t(3 * (y * width + x) + c)) % 2 == 0 ? by : -by;
+        });
+    };
+    const Picture reference = made(1, 0.05);
+    const Comparison same = compared(rough(0.0), reference),
+                     other = compared(rough(0.03 * std::sqrt(2.0)), reference);
+    EXPECT_TRUE(same.alike());
+    ASSERT_EQ(same.ratios.size(), 5U);
+    for (const RatioResult& ratio : same.ratios) EXPECT_NEAR(ratio.ratio, 1.0, 0.3) << ratio.size;
+    EXPECT_TRUE(std::ranges::none_of(other.scales, &ScaleResult::fails));
+    ASSERT_EQ(other.faults.size(), 1U);
+    EXPECT_NE(other.faults[0].find("squared differences of pixels are 1.3"), std::string::npos)
+        << other.faults[0];
+}
+
+// Where noise could hide a difference that people would see, the pictures are neither alike nor different; with
+// the samples that the message asks for they are alike.
+TEST(Compare, noise_that_could_hide_a_difference_is_said) {
+    constexpr double noise = 0.2;
+    const Comparison c = compared(made(2, noise), made(1, noise));
+    EXPECT_FALSE(c.different());
+    EXPECT_FALSE(c.alike());
+    const size_t words = c.doubt.find("render both with about ");
+    ASSERT_NE(words, std::string::npos) << c.doubt;
+    const int samples = std::atoi(c.doubt.c_str() + words + 23);
+    EXPECT_GT(samples, 64) << c.doubt;
+    EXPECT_LT(samples, 64000) << c.doubt;
+    const double less = noise * std::sqrt(64.0 / samples);
+    EXPECT_TRUE(compared(made(2, less), made(1, less)).alike());
+    EXPECT_FALSE(compared(made(1, noise), made(1, noise)).doubt.size()) << "every number is the same";
+    EXPECT_TRUE(compared(made(2, noise, [](int, int, int) { return 0.1; }), made(1, noise)).different());
+    // What noise cannot hide: the deviation of a mean, of one pixel and of 96 x 64.
+    EXPECT_NEAR(c.scales.front().deviation, noise * std::sqrt(2.0), 1e-6);
+    EXPECT_NEAR(c.scales.back().deviation, noise * std::sqrt(2.0 / (width * height)), 1e-6);
 }
 
 TEST(Compare, without_variance_looks_decide) {
@@ -159,14 +203,15 @@ TEST(Compare, the_verdict_names_the_channel) {
 
 // Accepted, but with a note.
 TEST(Compare, much_more_noise_is_noted) {
-    EXPECT_TRUE(compared(made(2, 0.05), made(1, 0.05)).notes.empty());
-    EXPECT_TRUE(compared(made(2, 0.09), made(1, 0.05)).notes.empty());
-    const Comparison c = compared(made(2, 0.15), made(1, 0.05));
+    EXPECT_TRUE(compared(made(2, 0.005), made(1, 0.005)).notes.empty());
+    EXPECT_TRUE(compared(made(2, 0.009), made(1, 0.005)).notes.empty());
+    const Comparison c = compared(made(2, 0.015), made(1, 0.005));
     EXPECT_TRUE(c.alike());
     ASSERT_EQ(c.notes.size(), 1U);
     EXPECT_NE(c.notes[0].find("the mean variance of A is 9 times that of B"), std::string::npos)
         << c.notes[0];
-    EXPECT_TRUE(compared(without_variance(made(2, 0.15)), made(1, 0.05)).notes.empty()) << "it says nothing";
+    EXPECT_TRUE(compared(without_variance(made(2, 0.015)), made(1, 0.005)).notes.empty())
+        << "it says nothing";
 }
 
 TEST(Compare, one_variance_serves_both) {

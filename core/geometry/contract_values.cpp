@@ -3,6 +3,7 @@
 
 #include "core/geometry/grid_placement.h"
 #include "core/geometry/table_file.h"
+#include "core/image/data_image.h"
 #include "core/math/digest.h"
 
 #include <fmt/format.h>
@@ -102,7 +103,10 @@ void ContractValues::add_attributes(MarramValue& out) {
 const MarramGrid* ContractValues::image(const ParamValue& value) {
     if (const auto known = image_grids_.find(value.text); known != image_grids_.end())
         return known->second; // each file is read once
-    Image& image = images_.emplace_back(read_image(value.text, ColorSpace::linear_data));
+    std::vector<std::string> notes;
+    Image& image = images_.emplace_back(read_data_image(value.text, notes));
+    for (const std::string& note : notes)
+        warnings_.push_back(fmt::format("{}: \"{}\": {}", to_string(value.place), value.text, note));
     keep_channels(image, 4); // the most that a grid has
     MarramGrid& grid = grids_.emplace_back();
     grid.name = value.text.c_str();

@@ -31,6 +31,8 @@ class ContractValues {
                    const CurveAttributes& curves);
 
     MarramValues list() const; // points into this object
+    // One line for each image with holes or values that stand alone (core/image/data_image.h), with its place.
+    const std::vector<std::string>& warnings() const { return warnings_; }
     // Digest of names, values and file contents, without places.
     uint64_t digest() const;
     // The names in values of a type, each once, with their places in the scene.
@@ -45,6 +47,7 @@ class ContractValues {
     void add_attributes(MarramValue& out);
 
     const CurveAttributes& curves_;
+    std::vector<std::string> warnings_;
     std::vector<MarramValue> values_;
     std::deque<std::string> texts_;
     std::deque<std::vector<float>> numbers_;

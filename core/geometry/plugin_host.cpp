@@ -131,6 +131,7 @@ uint32_t Procedural::update(const Item& item, const ParamSet& wind, uint32_t inp
         instance_number_ = ++count;
     }
     digest_ = digest;
+    file_warnings_ = values.warnings();
     read_attributes();
     return changed;
 }

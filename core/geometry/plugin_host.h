@@ -13,6 +13,7 @@
 #include <memory>
 #include <mutex>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace marram {
@@ -74,6 +75,8 @@ class Procedural {
     // Describes what it has generated since begin() as text of a scene; "" if nothing.
     std::string describe();
     std::vector<std::string> take_warnings();
+    // Of the files that its values name, since the last call; one line each.
+    std::vector<std::string> take_file_warnings() { return std::exchange(file_warnings_, {}); }
     // Takes the values of another description of the same procedural. `inputs` (MarramChange): what has
     // changed of the geometry that it depends on. Returns what has changed of its output. A procedural that
     // cannot update is created anew.
@@ -112,7 +115,7 @@ class Procedural {
     std::exception_ptr thrown_; // of a host function that the procedural has called
     std::mutex messages_lock_;
     std::vector<Problem> faults_;
-    std::vector<std::string> warnings_;
+    std::vector<std::string> warnings_, file_warnings_;
 };
 
 } // namespace marram

@@ -22,10 +22,14 @@ struct Image {
     bool half = false;              // R (else the first channel) is stored as half float
     std::string read_as = "linear"; // assumed encoding of the colours; also "sRGB", "gamma 1.8"
     bool straight_alpha = false;    // colour is not multiplied by alpha; always so for PNG
+    // The number in the file that is read as 1: 65535 for 16 bits, 1 for floats.
+    double stored_one = 1.0;
+    bool stored_signed = true; // false for unsigned integers
 };
 
 enum class ColorSpace {
     linear_data, // values as in the file, integers scaled to 0 ... 1
+    raw_data,    // the same, and pixels that are not finite are no error
     // Colour is made linear. It is decoded as sRGB if the file says so, if OpenImageIO reports Rec709 (its
     // name for PPM files, which hold sRGB; not for floats), or if it has 8 bits and no colour space. It is
     // decoded with a gamma if the file states one (PNG's gAMA, TGA; a PNG's gAMA of 1/2.2 alone means sRGB,
@@ -43,6 +47,9 @@ float linear_from_srgb(float encoded);
 // files, deep and volume images, crops and overscan, sides above 65536 pixels, more than 1 GiB of floats,
 // non-finite pixels.
 Image read_image(const std::string& path, ColorSpace space = ColorSpace::color);
+
+// Throws InputError that names the first pixel that is not finite.
+void check_finite(const std::string& path, const Image& image);
 
 // One layer of an EXR. Channels of the layer "" are written under their own names, others as "name.channel".
 struct Layer {

@@ -4,7 +4,7 @@
 #include "core/geometry/build.h"
 #include "core/geometry/polylines.h"
 #include "core/geometry/strand_file.h"
-#include "core/image/image.h"
+#include "core/image/data_image.h"
 #include "core/shot/frame_name.h"
 
 #include <fmt/format.h>
@@ -21,8 +21,11 @@ Vec2f vec2f(const ParamSet& params, std::string_view name) { return params.vec2(
 Vec3f vec3f(const ParamSet& params, std::string_view name) { return params.vec3(name).cast<float>(); }
 
 // Heights from the first channel of an image, resampled to (divisions + 1)^2 if the scene gives divisions.
-Mesh load_heightfield(const ParamSet& params) {
-    const Image image = read_image(params.text("image"), ColorSpace::linear_data);
+Mesh load_heightfield(const ParamSet& params, std::vector<std::string>& warnings) {
+    std::vector<std::string> notes;
+    const Image image = read_data_image(params.text("image"), notes);
+    for (const std::string& note : notes)
+        warnings.push_back(fmt::format("{}: {}", params.text("image"), note));
     const bool resample = params.has("divisions");
     const int width = resample ? params.integer("divisions") + 1 : image.width;
     const int height = resample ? params.integer("divisions") + 1 : image.height;
@@ -44,7 +47,7 @@ Mesh load_heightfield(const ParamSet& params) {
     return heightfield_mesh(heights, width, height, vec2f(params, "size"), float(params.number("height")));
 }
 
-Mesh load_mesh_item(const Item& item) {
+Mesh load_mesh_item(const Item& item, std::vector<std::string>& warnings) {
     const ParamSet& params = item.params;
     if (item.type == "file") return load_mesh(numbered_files(item).front().second, params.boolean("smooth"));
     if (item.type == "plane") return plane_mesh(vec2f(params, "size"), params.integer("divisions"));
@@ -52,7 +55,7 @@ Mesh load_mesh_item(const Item& item) {
     if (item.type == "sphere")
         return sphere_mesh(float(params.number("radius")), params.integer("divisions"),
                            float(params.number("bumps")), float(params.number("frequency")));
-    return load_heightfield(params);
+    return load_heightfield(params, warnings);
 }
 
 } // namespace
@@ -67,9 +70,9 @@ std::vector<std::pair<double, std::string>> numbered_files(const Item& item) {
     return files;
 }
 
-Mesh load_scene_mesh(const Item& item) {
+Mesh load_scene_mesh(const Item& item, std::vector<std::string>& warnings) {
     try {
-        return load_mesh_item(item);
+        return load_mesh_item(item, warnings);
     } catch (const InputError& error) {
         std::vector<Problem> problems = error.problems;
         for (Problem& problem : problems)

@@ -17,8 +17,9 @@ namespace marram {
 // file_frames is given.
 std::vector<std::pair<double, std::string>> numbered_files(const Item& item);
 
-// Throws InputError, with the place of the table if the error is not in a file.
-Mesh load_scene_mesh(const Item& item);
+// Throws InputError, with the place of the table if the error is not in a file. Adds one line to `warnings` for each
+// fault of a file that is mended or may be one, such as holes of heights.
+Mesh load_scene_mesh(const Item& item, std::vector<std::string>& warnings);
 
 // Loads a [[curves]] table. fps: frames per second, for strand files with times. Adds one line to `warnings`
 // for each feature of such files that is ignored. Throws InputError for curves of fewer than 2 points.

@@ -116,7 +116,7 @@ void load_meshes(Shot& shot, const std::atomic<bool>& cancel, ProblemCollector& 
         const ParamValue& keys = item.params.at("transform");
         mesh.transform = KeyedTransform(keys.numbers, keys.text);
         collect_problems([&] {
-            mesh.mesh = load_scene_mesh(item);
+            mesh.mesh = load_scene_mesh(item, shot.warnings);
             if (item.type == "file") mesh.shapes = load_shapes(item, mesh.mesh, cancel);
         });
         for (size_t i = 0; i < description.lights.size(); ++i)
@@ -220,6 +220,7 @@ Shot load_shot(const std::string& file, const Overrides& overrides, const std::a
                                                            description.wind, cancel, carried);
             procedural->material = material_of(description, item);
             procedural->roles = role_bits(item.params);
+            std::ranges::move(procedural->take_file_warnings(), std::back_inserter(shot.warnings));
             shot.geometry.procedurals.push_back(std::move(procedural));
         });
     collect_problems([&] { camera_at(description, description.globals.vec2("frames").x()); });

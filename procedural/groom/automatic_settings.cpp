@@ -4,6 +4,8 @@
 #include "procedural/groom/groom_warnings.h"
 #include "procedural/groom/pilot.h"
 
+#include <fmt/format.h>
+
 namespace marram {
 namespace {
 
@@ -84,7 +86,7 @@ MarramStatus choose_settings(GroomInstance& instance) {
             const Choice choice = jiggle_step_for(jiggle_pilot(pilot), moved);
             wind.jiggle->step = choice.value;
             if (!choice.enough)
-                warn_tolerance_missed(instance, "wind.jiggle.step = " + std::to_string(choice.value));
+                warn_tolerance_missed(instance, fmt::format("wind.jiggle.step = {:.6g}", choice.value));
         }
     }
     instance.chosen_for = now;

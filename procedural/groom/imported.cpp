@@ -425,7 +425,7 @@ MarramStatus choose(ImportInstance& instance) {
                     instance.past.moves() || instances_moved || instance.curves.curves.moves != 0;
                 const Choice choice = jiggle_step_for(pilot_of(instance, tolerance), moves);
                 wind.jiggle->step = choice.value;
-                if (!choice.enough) add("wind.jiggle.step = " + std::to_string(choice.value));
+                if (!choice.enough) add(fmt::format("wind.jiggle.step = {:.6g}", choice.value));
             }
         }
         instance.chosen_for = now;

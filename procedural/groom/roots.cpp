@@ -22,6 +22,8 @@
 
 #include "procedural/parallel.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <atomic>
 #include <bit>
@@ -516,7 +518,7 @@ PlacedRoots place_roots(const Groom& groom, const Surface& bind, const std::func
     } else if (groom.density > 0.0) {
         if (groom.density * area > 4e8)
             throw SceneFault("groom.too_many", groom.count_place,
-                             "density asks for " + std::to_string(groom.density * area) + " strands",
+                             fmt::format("density asks for {:.3g} strands", groom.density * area),
                              "more than 4e8 do not fit, ask for fewer a square metre");
         candidates = spaced_candidates(mask, groom.density, 1.0, groom.spacing, cancelled, placed);
     }

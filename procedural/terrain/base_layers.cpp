@@ -10,8 +10,9 @@
 //         overshoots by at most 1/8 of a step. A sample within 1e-6 of a cell of a pixel centre gets exactly
 //         that pixel's value.
 //         Outside the extent the layer's share is 0; towards the border it falls to 0 over `fade` metres.
-//         Non-finite pixels from a host are holes: the share is 0 where any of the 4 x 4 pixels is one.
-//         (Marram's own reader rejects such files.)
+//         Holes that a TIFF declares (GDAL's nodata value) are filled from around, with a warning; a value that
+//         stands alone, such as -9999, is reported. Non-finite pixels from a host are holes: the share is 0 where
+//         any of the 4 x 4 pixels is one. (Marram's own reader rejects such files.)
 //         `range`, `size` and `center` are resolved one by one: the scene's value, else the file's (bake
 //         writes them: grid_placement.h), else [0, 1] and the terrain's extent. So a baked file can serve as
 //         a base again, at its own place, on any terrain.
@@ -27,6 +28,8 @@
 #include "core/math/known_part.h"
 #include "procedural/terrain/shape_layer.h"
 #include "procedural/wind/noise.h"
+
+#include <fmt/format.h>
 
 #include <array>
 
@@ -123,17 +126,18 @@ class ImageLayer : public ShapeLayer {
             return values.has(name) ? values.vec2(name) : in_file ? Vec2d(files) : otherwise;
         };
         const Vec2d range = choose("range", said.has_range, said.range, Vec2d(0.0, 1.0));
-        float largest = 0.0F;
         for (size_t p = 0; p < pixels_.size(); ++p)
             pixels_[p] =
                 float(range.x() + double(grid.values[p * grid.components]) * (range.y() - range.x()));
-        for (const float pixel : pixels_)
-            if (std::isfinite(pixel)) largest = std::max(largest, std::abs(pixel));
-        if (!(double(largest) <= most_metres))
-            throw SceneFault("terrain.image_range", values.place("file"),
-                             "image heights reach " + std::to_string(double(largest)) +
-                                 " m, more than 100 km",
-                             "give another range, or scale the image");
+        for (size_t p = 0; p < pixels_.size(); ++p)
+            if (std::isfinite(pixels_[p]) && !(std::abs(double(pixels_[p])) <= most_metres))
+                throw SceneFault(
+                    "terrain.image_range", values.place("file"),
+                    fmt::format("pixel ({}, {}) of the image is a height of {:.3g} m, beyond 100 km",
+                                p % size_t(nx_), p / size_t(nx_), double(pixels_[p])),
+                    "if it is a hole, declare that value in a TIFF (gdal_edit.py -a_nodata); else give "
+                    "another "
+                    "range, or scale the image");
         const Vec2d domain_size(domain_.cell * (domain_.nx - 1), domain_.cell * (domain_.nz - 1));
         size_ = choose("size", said.has_extent, said.extent, domain_size);
         const Vec2d center =
@@ -238,7 +242,9 @@ LayerType noise_layer_type() {
 
 LayerType image_layer_type() {
     static const auto params = with_shape<5>(
-        {MarramParam{"file", MARRAM_IMAGE, "", "", 0, 0, "", "EXR, TIFF or PNG; its first channel"},
+        {MarramParam{
+             "file", MARRAM_IMAGE, "", "", 0, 0, "",
+             "EXR, TIFF or PNG; its first channel. Holes (a TIFF's nodata value) are filled from around"},
          MarramParam{"size", MARRAM_VEC2, "m", "none", least_extent, most_extent, "",
                      "extent in x and z; absent: the file's, else the terrain's"},
          MarramParam{"center", MARRAM_VEC2, "m", "none", -most_extent, most_extent, "",

@@ -60,6 +60,8 @@
 
 #include "procedural/terrain/shape_layer.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -607,11 +609,12 @@ std::unique_ptr<TerrainLayer> make_lattice(const LayerContext& context) {
     auto layer = std::make_unique<LatticeLayer>(net, context.domain, target, masks);
     if (const auto fold = layer->map().fold()) {
         const Vec2d at = net.origin + (fold->i + 0.5) * net.along_row + (fold->j + 0.5) * net.across_rows;
-        lattice_fault("fold", place,
-                      "the lattice folds the ground in its cell (" + std::to_string(fold->i) + ", " +
-                          std::to_string(fold->j) + "), which rests around x = " + std::to_string(at.x()) +
-                          ", z = " + std::to_string(at.y()),
-                      "move the points around that cell apart, or spread the shift over more points");
+        lattice_fault(
+            "fold", place,
+            fmt::format("the lattice folds the ground in its cell ({}, {}), which rests around x = {:.6g}, "
+                        "z = {:.6g}",
+                        fold->i, fold->j, at.x(), at.y()),
+            "move the points around that cell apart, or spread the shift over more points");
     }
     return layer;
 }

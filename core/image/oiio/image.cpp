@@ -183,17 +183,11 @@ void make_linear(Image& image, int alpha_channel, float exponent) {
     image.as_in_file = false;
 }
 
-void check_finite(const std::string& path, const Image& image) {
-    for (size_t i = 0; i < image.pixels.size(); ++i) {
-        if (std::isfinite(image.pixels[i])) continue;
-        const size_t pixel = i / size_t(image.channels);
-        refuse_image(path,
-                     fmt::format("channel {} of pixel ({}, {}) is {}",
-                                 image.channel_names[i % size_t(image.channels)], pixel % size_t(image.width),
-                                 pixel / size_t(image.width),
-                                 std::isnan(image.pixels[i]) ? "not a number" : "infinite"),
-                     "fix that pixel; positions count from 0 at the top left");
-    }
+// OpenImageIO reads the greatest integer as 1.
+double stored_one(OIIO::TypeDesc format) {
+    if (format.is_floating_point()) return 1.0;
+    const double bits = 8.0 * double(format.basesize());
+    return std::exp2(format.is_signed() ? bits - 1.0 : bits) - 1.0;
 }
 
 // libjpeg fills the rest of a truncated file with grey without an error: check the end marker.
@@ -222,6 +216,8 @@ Image read_image(const std::string& path, ColorSpace space) {
     image.channels = spec.nchannels;
     for (int c = 0; c < spec.nchannels; ++c) image.channel_names.push_back(spec.channel_name(c));
     image.half = spec.channelformat(std::max(0, spec.channelindex("R"))) == OIIO::TypeDesc::HALF;
+    image.stored_one = stored_one(spec.format);
+    image.stored_signed = spec.format.is_floating_point() || spec.format.is_signed();
     image.pixels.resize(size_t(spec.width) * size_t(spec.height) * size_t(spec.nchannels));
     if (!input->read_image(0, 0, 0, spec.nchannels, OIIO::TypeDesc::FLOAT, image.pixels.data()))
         refuse_truncated(path, input->geterror());
@@ -234,7 +230,7 @@ Image read_image(const std::string& path, ColorSpace space) {
             make_linear(image, spec.alpha_channel, exponent);
             image.read_as = exponent == srgb ? "sRGB" : fmt::format("gamma {:.3g}", exponent);
         }
-    check_finite(path, image);
+    if (space != ColorSpace::raw_data) check_finite(path, image);
     return image;
 }
 

@@ -791,7 +791,7 @@ TEST(Terrain, SaysWhatIsWrongAndWhere) {
     expect(desert(layer("fusion", "mask = \"m\"")), "no layer below outputs a mask 'm'");
     const ImageFile huge(1, 1, {3e9F});
     expect(desert(layer("image", "target = \"sand\"\nfile = \"" + huge.path.string() + "\"")),
-           "more than 100 km");
+           "pixel (0, 0) of the image is a height of 3e+09 m, beyond 100 km");
     // A count for which there is no room is refused before strands are placed.
     expect(desert(layer("flat", "target = \"sand\"\nheight = 0")) +
                groom("grass", "desert", "count = 2000\ndensity_by = [{ attribute = \"sand\" }]"),

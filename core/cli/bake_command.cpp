@@ -60,6 +60,7 @@ void bake_frame(Shot& shot, const BakeOptions& options, const std::string& prefi
                 std::set<std::string>& warnings, FrameStats& stats) {
     const std::string output = numbered(options.output, stats.frame);
     const std::string colliders = numbered(options.colliders, stats.frame);
+    select_takes(shot, stats.frame);
     const BuildSettings settings = build_settings_for_bake(shot, options, stats.frame);
     tbb::task_arena arena(stats.threads);
     BuildProgress progress;

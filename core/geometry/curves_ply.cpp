@@ -10,7 +10,6 @@
 
 #include <array>
 #include <cmath>
-#include <numeric>
 #include <unordered_map>
 
 namespace marram {
@@ -42,8 +41,9 @@ bool is_curve_element(const PlyElement& element) {
 
 class PlyCurves {
   public:
-    PlyCurves(const std::string& path, std::string_view bytes, bool with_columns)
-        : path_(path), file_(path, bytes, curve_slot_of), with_columns_(with_columns) {}
+    PlyCurves(const std::string& path, std::string_view bytes, bool with_columns, uint32_t points_per_curve)
+        : path_(path), file_(path, bytes, curve_slot_of), with_columns_(with_columns),
+          points_per_curve_(points_per_curve) {}
     PlyCurvesContent read();
 
   private:
@@ -61,6 +61,7 @@ class PlyCurves {
     void walk(uint32_t begin);
     void along_edges();
     void by_id();
+    void by_number();
     void end_curve(bool closed) {
         content_.first.push_back(content_.order.size());
         content_.closed.push_back(closed);
@@ -69,6 +70,7 @@ class PlyCurves {
     const std::string& path_;
     PlyFile file_;
     bool with_columns_;
+    uint32_t points_per_curve_;
     PlyCurvesContent content_;
     std::vector<int64_t> ids_;                        // [vertex], if there are ids
     std::vector<std::array<uint32_t, 2>> neighbours_; // [vertex], if there are edges
@@ -121,6 +123,9 @@ void PlyCurves::read_column(const PlyProperty& property, PlyColumn& column) {
     if (!std::isfinite(float(value)))
         file_.fail(fmt::format("\"{}\" is not a finite number", property.name),
                    "write a finite number that a float holds");
+    if (!ply_holds(property.type, value))
+        file_.fail(fmt::format("\"{}\" is {}, which its type does not hold", property.name, value),
+                   "declare it as float");
     const bool is_whole = property.is_whole() && std::fabs(value) < 0x1p62 && value == std::floor(value);
     column.values.push_back(is_whole ? integer_to_float(int64_t(value), column.folded) : float(value));
 }
@@ -265,6 +270,19 @@ void PlyCurves::by_id() {
     for (size_t v = 0; v < ids_.size(); ++v) content_.order[next[curves[v]]++] = uint32_t(v);
 }
 
+void PlyCurves::by_number() {
+    const size_t points = content_.points.size(), each = points_per_curve_ == 0 ? points : points_per_curve_;
+    if (points % each != 0)
+        throw InputError({path_}, fmt::format("its {} points are not strands of {} each", points, each),
+                         "give another cvs_per_strand");
+    content_.is_cloud = true;
+    content_.order.reserve(points);
+    for (size_t i = 0; i < points; ++i) {
+        content_.order.push_back(uint32_t(i));
+        if ((i + 1) % each == 0) end_curve(false);
+    }
+}
+
 PlyCurvesContent PlyCurves::read() {
     file_.read_header();
     check_header();
@@ -289,17 +307,20 @@ PlyCurvesContent PlyCurves::read() {
     } else if (!ids_.empty()) {
         by_id();
     } else {
-        content_.order.resize(content_.points.size());
-        std::iota(content_.order.begin(), content_.order.end(), 0U);
-        end_curve(false);
+        by_number();
     }
+    if (points_per_curve_ > 0 && !content_.is_cloud)
+        throw InputError({path_},
+                         "cvs_per_strand is for points without edges and ids, and this file has them",
+                         "leave cvs_per_strand out");
     return std::move(content_);
 }
 
 } // namespace
 
-PlyCurvesContent read_ply_curves(const std::string& file, std::string_view bytes, bool with_columns) {
-    return PlyCurves(file, bytes, with_columns).read();
+PlyCurvesContent read_ply_curves(const std::string& file, std::string_view bytes, bool with_columns,
+                                 uint32_t points_per_curve) {
+    return PlyCurves(file, bytes, with_columns, points_per_curve).read();
 }
 
 std::vector<Polyline> read_ply_polylines(const std::string& file, std::string_view bytes) {

@@ -29,6 +29,7 @@ struct PlyCurvesContent {
     std::vector<uint64_t> first{0};
     std::vector<char> closed;
     std::vector<int64_t> ids; // of curves, if vertices have curve ids
+    bool is_cloud = false;    // neither edges nor ids say which points belong together
     // The element "strand" or "curve".
     bool has_entries = false;
     uint64_t entries = 0;
@@ -36,7 +37,9 @@ struct PlyCurvesContent {
     std::vector<PlyColumn> of_entries;
 };
 
-// with_columns: also reads of_vertices and the element "strand" or "curve".
-PlyCurvesContent read_ply_curves(const std::string& file, std::string_view bytes, bool with_columns);
+// with_columns: also reads of_vertices and the element "strand" or "curve". points_per_curve: of a cloud, whose points
+// follow each other curve by curve; 0: they are one curve. Throws InputError if it does not fit.
+PlyCurvesContent read_ply_curves(const std::string& file, std::string_view bytes, bool with_columns,
+                                 uint32_t points_per_curve = 0);
 
 } // namespace marram

@@ -152,7 +152,8 @@ Mesh load_mesh(const std::string& path, bool smooth) {
     if (extension != ".obj" && extension != ".ply" && extension != ".vdb")
         throw InputError(Place{path}, fmt::format("meshes of the type \"{}\" are not known", extension),
                          "save it as .obj, .ply or .vdb");
-    std::string bytes = read_bytes(path, ".obj, .ply or .vdb");
+    constexpr const char* kinds = ".obj, .ply or .vdb";
+    std::string bytes = extension == ".vdb" ? read_bytes(path, kinds) : read_text(path, kinds);
     Mesh mesh = extension == ".obj"   ? read_obj(path, bytes)
                 : extension == ".ply" ? read_ply(path, bytes)
                                       : read_vdb(path, bytes);
@@ -187,34 +188,17 @@ std::string read_bytes(const std::string& path, const char* kinds) {
     return bytes;
 }
 
+std::string read_text(const std::string& path, const char* kinds) {
+    std::string bytes = read_bytes(path, kinds);
+    bytes.erase(0, byte_order_mark(path, bytes));
+    return bytes;
+}
+
 std::string extension_of(const std::string& path) {
     std::string extension = std::filesystem::path(path).extension().string();
     for (char& c : extension)
         if (c >= 'A' && c <= 'Z') c = char(c - 'A' + 'a');
     return extension;
-}
-
-Place place_of(const std::string& path, std::string_view bytes, size_t offset) {
-    const char newline = bytes.find('\n') == std::string_view::npos ? '\r' : '\n';
-    const std::string_view before = bytes.substr(0, offset);
-    const size_t line_start = before.rfind(newline) + 1; // npos + 1 is 0
-    return {path, int(std::count(before.begin(), before.end(), newline)) + 1, int(offset - line_start) + 1};
-}
-
-NumberFault parse_number(std::string_view token, double& value) {
-    if (token.starts_with('+')) token.remove_prefix(1);
-    const char* end = token.data() + token.size();
-    const auto [stop, error] = std::from_chars(token.data(), end, value);
-    if (stop != end || token.empty() || error == std::errc::invalid_argument)
-        return NumberFault::not_a_number;
-    if (error == std::errc::result_out_of_range) {
-        // Overflow or underflow: only the exponent's sign tells which.
-        const size_t exponent = token.find_first_of("eE");
-        if (exponent == std::string_view::npos || token.substr(exponent + 1, 1) != "-")
-            return NumberFault::not_finite;
-        value = 0.0;
-    }
-    return std::isfinite(value) ? NumberFault::none : NumberFault::not_finite;
 }
 
 namespace {

@@ -8,7 +8,6 @@
 #include <tiny_obj_loader.h>
 
 #include <algorithm>
-#include <charconv>
 #include <istream>
 #include <limits>
 #include <streambuf>
@@ -51,6 +50,10 @@ class Scan {
 
     void run();
     size_t count(Kind kind) const { return counts_[kind]; }
+    // Whether faces name uvs or normals of which the file has none at all: their indices mean nothing.
+    bool has_dangling(Kind kind) const {
+        return kind != position && counts_[kind] == 0 && (forward_[kind] > 0 || backward_offset_[kind] > 0);
+    }
     size_t corners() const { return corners_; }
     size_t faces() const { return faces_; }
 
@@ -61,6 +64,7 @@ class Scan {
     void corner(size_t begin, size_t end);
     void index(Kind kind, size_t begin, size_t end);
     void check_forward_indices() const;
+    [[noreturn]] void fail_index(Kind kind, size_t begin, size_t end) const;
     std::string_view token(size_t begin, size_t end) const { return {bytes_.data() + begin, end - begin}; }
     size_t skip_blanks(size_t at, size_t end) const {
         while (at < end && is_blank(bytes_[at])) ++at;
@@ -80,6 +84,8 @@ class Scan {
     // The largest index of each kind that is used before it is defined: OBJ does not forbid that.
     int64_t forward_[kind_count] = {0, 0, 0};
     size_t forward_offset_[kind_count] = {0, 0, 0};
+    // The first index of each kind that counts back although none is defined yet; 0: there is none.
+    size_t backward_offset_[kind_count] = {0, 0, 0};
 };
 
 void Scan::fail(size_t offset, const std::string& what, const std::string& fix) const {
@@ -175,32 +181,44 @@ void Scan::corner(size_t begin, size_t end) {
 
 void Scan::index(Kind kind, size_t begin, size_t end) {
     const std::string_view text = token(begin, end);
-    const size_t sign = text.starts_with('+') ? 1 : 0;
-    int32_t value = 0;
-    const auto [stop, error] = std::from_chars(text.data() + sign, text.data() + text.size(), value);
-    if (stop != text.data() + text.size() ||
-        (error != std::errc() && error != std::errc::result_out_of_range))
+    constexpr int64_t most = std::numeric_limits<int32_t>::max(); // tinyobjloader's limit
+    int64_t value = 0;
+    const WholeFault fault = parse_whole(text, -most, most, value);
+    if (fault == WholeFault::not_whole)
         fail(begin, fmt::format("\"{}\" is not a {} index", text, kind_names[kind]), "write a whole number");
-    if (value == 0 && error == std::errc())
+    if (value == 0 && fault == WholeFault::none)
         fail(begin, fmt::format("{} index 0", kind_names[kind]), "count from 1, or from -1 backwards");
-    if (error == std::errc::result_out_of_range || (value < 0 && -int64_t(value) > int64_t(counts_[kind])))
-        fail(begin,
-             fmt::format("{} index {} is out of range, {} are defined so far", kind_names[kind], text,
-                         counts_[kind]),
-             "check that the file is complete");
+    if (fault == WholeFault::none && value < 0 && kind != position && counts_[kind] == 0) {
+        if (backward_offset_[kind] == 0) backward_offset_[kind] = begin;
+        return;
+    }
+    if (fault == WholeFault::out_of_range || (value < 0 && -value > int64_t(counts_[kind])))
+        fail_index(kind, begin, end);
     if (value > int64_t(counts_[kind]) && value > forward_[kind]) {
         forward_[kind] = value;
         forward_offset_[kind] = begin;
     }
 }
 
+void Scan::fail_index(Kind kind, size_t begin, size_t end) const {
+    fail(begin,
+         fmt::format("{} index {} is out of range, {} are defined so far", kind_names[kind],
+                     token(begin, end), counts_[kind]),
+         "check that the file is complete");
+}
+
 void Scan::check_forward_indices() const {
-    for (int kind = 0; kind < kind_count; ++kind)
+    for (int kind = 0; kind < kind_count; ++kind) {
+        if (has_dangling(Kind(kind))) continue;
+        if (const size_t at = backward_offset_[kind]; at > 0)
+            fail(at, fmt::format("a {} index counts back beyond the first", kind_names[kind]),
+                 "check that the file is complete");
         if (forward_[kind] > int64_t(counts_[kind]))
             fail(forward_offset_[kind],
                  fmt::format("{} index {} is out of range, the file defines {}", kind_names[kind],
                              forward_[kind], counts_[kind]),
                  "check that the file is complete");
+    }
 }
 
 // ---- tinyobjloader
@@ -260,6 +278,10 @@ ObjData parse(const std::string& path, std::string& bytes, const Scan& scan) {
     std::istream stream(&memory);
     std::string warnings, errors;
     const bool parsed = tinyobj::LoadObjWithCallback(stream, callbacks, &data, nullptr, &warnings, &errors);
+    for (Corner& corner : data.corners) {
+        if (scan.has_dangling(uv)) corner.uv = none;
+        if (scan.has_dangling(normal)) corner.normal = none;
+    }
     // The scan and tinyobjloader must agree.
     bool in_range = true;
     for (const Corner& corner : data.corners)

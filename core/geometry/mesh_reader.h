@@ -7,6 +7,7 @@
 
 #include "core/geometry/mesh.h"
 #include "core/math/problem.h"
+#include "core/math/text.h"
 
 #include <string>
 #include <string_view>
@@ -26,15 +27,10 @@ Mesh read_vdb(const std::string& path, std::string& bytes);
 
 // Reads a whole file. kinds, for messages: ".obj or .ply". Throws InputError if it cannot be read.
 std::string read_bytes(const std::string& path, const char* kinds);
+// The same without a byte order mark (math/text.h), for formats that are text or begin as text.
+std::string read_text(const std::string& path, const char* kinds);
 // The extension in lower case: ".obj" of "a.OBJ".
 std::string extension_of(const std::string& path);
-
-// The line and column of bytes[offset]. Lines end in \n, or in \r if there is no \n.
-Place place_of(const std::string& path, std::string_view bytes, size_t offset);
-
-enum class NumberFault { none, not_a_number, not_finite };
-// Parses all of `token` as a number; underflow gives 0.
-NumberFault parse_number(std::string_view token, double& value);
 
 // Triangulates a polygon of at least 3 corners: corners.size() - 2 triangles with the same winding. Convex
 // polygons become fans; others are triangulated by ear clipping (Meisters 1975) in the coordinate plane that

@@ -6,7 +6,6 @@
 #include <fmt/format.h>
 
 #include <bit>
-#include <charconv>
 #include <cmath>
 #include <cstring>
 #include <limits>
@@ -18,6 +17,12 @@ namespace {
 static_assert(std::endian::native == std::endian::little);
 
 constexpr size_t ply_scalar_bytes[] = {1, 1, 2, 2, 4, 4, 4, 8};
+
+template <typename Whole>
+bool is_in_range_of(double value) {
+    return value == std::floor(value) && value >= double(std::numeric_limits<Whole>::min()) &&
+           value <= double(std::numeric_limits<Whole>::max());
+}
 
 bool parse_ply_scalar(std::string_view word, PlyScalar& type) {
     constexpr std::pair<std::string_view, PlyScalar> names[] = {
@@ -44,6 +49,27 @@ double ply_value(const char* bytes, bool swapped) {
 }
 
 } // namespace
+
+bool ply_holds(PlyScalar type, double value) {
+    switch (type) {
+    case PlyScalar::int8:
+        return is_in_range_of<int8_t>(value);
+    case PlyScalar::uint8:
+        return is_in_range_of<uint8_t>(value);
+    case PlyScalar::int16:
+        return is_in_range_of<int16_t>(value);
+    case PlyScalar::uint16:
+        return is_in_range_of<uint16_t>(value);
+    case PlyScalar::int32:
+        return is_in_range_of<int32_t>(value);
+    case PlyScalar::uint32:
+        return is_in_range_of<uint32_t>(value);
+    case PlyScalar::float32:
+    case PlyScalar::float64:
+        break;
+    }
+    return true;
+}
 
 const PlyElement* PlyFile::find(std::string_view element) const {
     for (const PlyElement& one : elements_)
@@ -95,10 +121,10 @@ void PlyFile::read_element(const std::vector<std::string_view>& words) {
     PlyElement element;
     if (words.size() != 3) fail_header("an element needs a name and a count", "write \"element vertex 8\"");
     element.name = words[1];
-    const char* end = words[2].data() + words[2].size();
-    const auto [stop, error] = std::from_chars(words[2].data(), end, element.count);
-    if (stop != end || error != std::errc())
+    int64_t count = 0;
+    if (parse_whole(words[2], 0, std::numeric_limits<int64_t>::max(), count) != WholeFault::none)
         fail_header(fmt::format("\"{}\" is not a count", words[2]), "write a whole number, 0 or more");
+    element.count = uint64_t(count);
     for (const PlyElement& other : elements_)
         if (other.name == element.name)
             fail_header(fmt::format("the element \"{}\" stands twice", element.name), "remove one");
@@ -188,24 +214,33 @@ void PlyFile::begin_entry(const PlyElement& element, uint64_t number) {
 
 void PlyFile::end_entry() {
     if (format_ != PlyFormat::ascii) return;
+    const std::string_view continued = continued_before_;
+    continued_before_ = {};
     while (at_ < bytes_.size() && (bytes_[at_] == ' ' || bytes_[at_] == '\t')) ++at_;
     token_ = at_;
-    if (at_ < bytes_.size() && bytes_[at_] != '\n' && bytes_[at_] != '\r')
-        fail("the line holds more values than the header announces", "check the header against the lines");
+    if (at_ == bytes_.size() || bytes_[at_] == '\n' || bytes_[at_] == '\r') return;
+    constexpr const char* fix = "check the header against the lines";
+    if (continued.empty()) fail("the line holds more values than the header announces", fix);
+    // An entry may take several lines, the last to its end. Else a value is missing where it went on to the next line.
+    token_ = continued_at_;
+    fail(fmt::format("the line ends before \"{}\"", continued), fix);
 }
 
 double PlyFile::read_ascii(const PlyProperty& property) {
     while (at_ < bytes_.size() && (bytes_[at_] == ' ' || bytes_[at_] == '\t')) ++at_;
+    if (at_ < bytes_.size() && (bytes_[at_] == '\n' || bytes_[at_] == '\r')) {
+        if (continued_before_.empty()) {
+            continued_at_ = at_;
+            continued_before_ = property.name;
+        }
+        skip_blank_lines();
+    }
     token_ = at_;
     while (at_ < bytes_.size() && bytes_[at_] != ' ' && bytes_[at_] != '\t' && bytes_[at_] != '\n' &&
            bytes_[at_] != '\r')
         ++at_;
     const std::string_view text = bytes_.substr(token_, at_ - token_);
-    if (text.empty()) {
-        const bool over = at_ == bytes_.size();
-        fail(over ? "the file is truncated" : fmt::format("the line ends before \"{}\"", property.name),
-             over ? "check that the file is complete" : "check the header against the lines");
-    }
+    if (text.empty()) fail("the file is truncated", "check that the file is complete");
     double value = 0.0;
     const NumberFault fault = parse_number(text, value);
     if (fault == NumberFault::not_a_number)

@@ -3,6 +3,8 @@
 // scalar types, elements and properties. Readers give them a meaning: mesh_ply.cpp, curves_ply.cpp. All throw
 // InputError with line and column (binary: element and number).
 //
+// An entry of an ascii file begins on a new line and may take several.
+//
 // Counts in a header are not trusted: before memory is allocated, every element must fit into the rest of the
 // file (check_room).
 #pragma once
@@ -40,6 +42,9 @@ struct PlyElement {
         return false;
     }
 };
+
+// Whether a number of an ascii file is one of its type. Always true for the types of floats.
+bool ply_holds(PlyScalar type, double value);
 
 class PlyFile {
   public:
@@ -91,6 +96,9 @@ class PlyFile {
     std::vector<PlyElement> elements_;
     const PlyElement* element_ = nullptr; // being read
     uint64_t number_ = 0;                 // of its entry
+    // Where an ascii entry went on to a second line, and the property before which it did.
+    size_t continued_at_ = 0;
+    std::string_view continued_before_;
 };
 
 } // namespace marram

@@ -11,6 +11,18 @@
 
 namespace marram {
 
+bool SceneCurves::select_take(double frame) {
+    if (takes.empty()) return false;
+    const auto next = std::ranges::upper_bound(takes, frame, {}, &CurvesTake::frame);
+    const CurvesTake& take = next == takes.begin() ? takes.front() : *(next - 1);
+    if (take.offsets == offsets && take.vertices == vertices) return false;
+    offsets = take.offsets;
+    vertices = take.vertices;
+    attributes = take.attributes;
+    closed.assign(offsets.size() - 1, 0);
+    return true;
+}
+
 bool SceneCurves::moves_within(double begin, double end) const {
     return transform.moves_within(begin, end) ||
            (samples.size() > 1 && samples.front().frame < end && samples.back().frame > begin && begin < end);

@@ -23,6 +23,14 @@ struct CurvesSample {
     std::vector<float> vertices; // as SceneCurves::vertices
 };
 
+// Strands from one frame to the next take, of curves that change in number.
+struct CurvesTake {
+    double frame = 0.0;
+    std::vector<uint64_t> offsets; // as SceneCurves
+    std::vector<float> vertices;
+    std::vector<AttributeValues> attributes;
+};
+
 struct SceneCurves {
     std::string name;
     MarramBasis basis = MARRAM_LINEAR; // of strands: as in the file; MARRAM_LINEAR: the file does not say
@@ -35,6 +43,12 @@ struct SceneCurves {
     // before the first and after the last. `vertices` are the first's.
     std::vector<CurvesSample> samples{};
     KeyedTransform transform{};
+    // Of curves that change in number: by ascending frame. `offsets`, `vertices`, `closed` and `attributes` are those of
+    // the take that was selected last, which does not move; `samples` are empty.
+    std::vector<CurvesTake> takes{};
+
+    // Selects the take of a frame: the last that begins up to it, or the first. True if that changes the curves.
+    bool select_take(double frame);
 
     void add(std::span<const Vec3d> points, bool is_closed); // 2 points or more, radius 0
     CurveLayout layout() const { return {closed.size(), 0, offsets.data()}; }

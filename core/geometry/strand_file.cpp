@@ -2,6 +2,8 @@
 #include "core/geometry/strand_file.h"
 
 #include "core/geometry/mesh_reader.h"
+#include "core/geometry/obj_lines.h"
+#include "core/geometry/polylines.h"
 #include "core/math/hash.h"
 
 #include <fmt/format.h>
@@ -53,17 +55,54 @@ void remove_short_curves(const std::string& file, StrandFile& strands) {
                                            left_out, curves.size()));
 }
 
-StrandFile load_strand_file(const std::string& file, double fps) {
+void reverse_strands(StrandFile& strands) {
+    const auto turn = [&](auto& values, size_t components) {
+        auto begin = values.begin();
+        for (const uint32_t count : strands.counts) {
+            const auto end = begin + std::ptrdiff_t(count * components);
+            std::reverse(begin, end); // of all numbers, then of those of each CV
+            for (; begin != end; begin += std::ptrdiff_t(components))
+                std::reverse(begin, begin + std::ptrdiff_t(components));
+        }
+    };
+    for (StrandSample& sample : strands.samples) {
+        turn(sample.points, 1);
+        if (!sample.widths.empty()) turn(sample.widths, 1);
+    }
+    for (AttributeValues& attribute : strands.attributes)
+        if (attribute.rate == MARRAM_PER_CV) turn(attribute.values, attribute.components);
+    for (StrandFile& take : strands.takes) reverse_strands(take);
+}
+
+StrandFile read_obj_strands(const std::string& file, std::string_view bytes) {
+    ObjLines lines = read_obj_lines(file, bytes);
+    StrandFile strands;
+    strands.counts = std::move(lines.counts);
+    StrandSample& sample = strands.samples.emplace_back();
+    sample.points.reserve(lines.order.size());
+    for (const uint32_t vertex : lines.order) sample.points.push_back(lines.vertices[vertex].cast<float>());
+    remove_short_curves(file, strands);
+    return strands;
+}
+
+StrandFile load_strand_file(const std::string& file, const StrandReading& reading) {
     const std::string extension = extension_of(file);
     constexpr const char* kinds = ".hair, .usda, .ply or .obj";
-    if (extension == ".hair") return read_hair_strands(file);
-    if (extension != ".usda" && extension != ".ply" && extension != ".obj")
+    const bool is_text = extension == ".usda" || extension == ".ply" || extension == ".obj";
+    if (!is_text && extension != ".hair")
         throw InputError({file}, fmt::format("strands of the type \"{}\" are not known", extension),
                          fmt::format("save them as {}", kinds));
-    const std::string bytes = read_bytes(file, kinds);
-    return extension == ".usda"  ? read_usda_strands(file, bytes, fps)
-           : extension == ".ply" ? read_ply_strands(file, bytes)
-                                 : read_obj_strands(file, bytes);
+    check_prims(file, extension, reading.prims);
+    if (reading.cvs_per_strand > 0 && extension != ".ply")
+        throw InputError({file}, "cvs_per_strand is for a .ply of points, and this is none",
+                         "leave cvs_per_strand out");
+    const std::string bytes = is_text ? read_text(file, kinds) : "";
+    StrandFile strands = extension == ".hair"   ? read_hair_strands(file)
+                         : extension == ".usda" ? read_usda_strands(file, bytes, reading)
+                         : extension == ".ply"  ? read_ply_strands(file, bytes, reading)
+                                                : read_obj_strands(file, bytes);
+    if (reading.reverse) reverse_strands(strands);
+    return strands;
 }
 
 } // namespace marram

@@ -116,8 +116,9 @@ std::vector<PlyGroup> PlyGroups::rest() {
 
 class PlyStrandsReader {
   public:
-    PlyStrandsReader(const std::string& path, std::string_view bytes)
-        : path_(path), content_(read_ply_curves(path, bytes, true)) {}
+    PlyStrandsReader(const std::string& path, std::string_view bytes, uint32_t cvs_per_strand)
+        : path_(path), content_(read_ply_curves(path, bytes, true, cvs_per_strand)),
+          is_guess_(content_.is_cloud && cvs_per_strand == 0) {}
     StrandFile read();
 
   private:
@@ -130,6 +131,7 @@ class PlyStrandsReader {
 
     const std::string& path_;
     PlyCurvesContent content_;
+    bool is_guess_;                  // nothing says that the points are one strand
     std::vector<uint32_t> vertices_; // of each CV
     std::vector<uint32_t> entries_;  // of each curve, if there are entries
     StrandFile strands_;
@@ -224,6 +226,11 @@ std::vector<float> PlyStrandsReader::widths_of(const std::vector<PlyColumn>& col
 
 StrandFile PlyStrandsReader::read() {
     find_rows();
+    if (is_guess_)
+        strands_.warnings.push_back(
+            fmt::format("has neither edges nor a strand_id: its {} points are read as one strand; give "
+                        "cvs_per_strand if they are several",
+                        content_.points.size()));
     StrandSample& sample = strands_.samples.emplace_back();
     sample.points.reserve(vertices_.size());
     for (const uint32_t vertex : vertices_) sample.points.push_back(content_.points[vertex].cast<float>());
@@ -247,8 +254,8 @@ StrandFile PlyStrandsReader::read() {
 
 } // namespace
 
-StrandFile read_ply_strands(const std::string& file, std::string_view bytes) {
-    return PlyStrandsReader(file, bytes).read();
+StrandFile read_ply_strands(const std::string& file, std::string_view bytes, const StrandReading& reading) {
+    return PlyStrandsReader(file, bytes, reading.cvs_per_strand).read();
 }
 
 } // namespace marram

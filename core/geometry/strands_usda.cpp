@@ -3,6 +3,7 @@
 #include "core/geometry/mesh_reader.h"
 #include "core/geometry/polylines.h"
 #include "core/geometry/strand_file.h"
+#include "core/geometry/strand_join.h"
 #include "core/geometry/usda_cvs.h"
 
 #include <fmt/format.h>
@@ -20,9 +21,8 @@ namespace {
 using Numbers = std::vector<double>;
 // Relative to a curve's length; for rotating transforms relative to the curves' size.
 constexpr double greatest_deviation = 1e-3;
-constexpr uint32_t most_pieces = 8;    // per cubic
-constexpr size_t most_attributes = 64; // constant ones are copied to every curve
-constexpr int most_depth = 8;          // of bisection between two samples of a transform
+constexpr uint32_t most_pieces = 8; // per cubic
+constexpr int most_depth = 8;       // of bisection between two samples of a transform
 
 // A numeric attribute over time.
 struct UsdaSeries {
@@ -31,24 +31,17 @@ struct UsdaSeries {
     bool is_there() const { return !samples.empty(); }
 };
 
-// A BasisCurves prim with its ancestors.
-struct CurvesPrim {
-    std::string path;
-    std::vector<const UsdaPrim*> ancestors; // from the root down to itself
-    const UsdaPrim& self() const { return *ancestors.back(); }
-};
-
 enum class Interpolation { constant, uniform, varying, vertex };
 
 class UsdaStrandsReader {
   public:
-    UsdaStrandsReader(const std::string& path, std::string_view bytes, double fps)
-        : path_(path), bytes_(bytes), scene_(path, bytes), frames_per_time_(fps / time_codes_a_second()) {}
+    UsdaStrandsReader(const std::string& path, std::string_view bytes, const StrandReading& reading)
+        : path_(path), bytes_(bytes), reading_(reading), scene_(path, bytes),
+          frames_per_time_(reading.fps / time_codes_a_second()) {}
     StrandFile read();
 
   private:
     double time_codes_a_second() const;
-    void visit(const UsdaPrim& prim, const std::string& parent, std::vector<const UsdaPrim*>& ancestors);
     UsdaSeries series(const UsdaPrim& prim, std::string_view name) const;
     const Numbers& value_at(const UsdaSeries& series, double time, Numbers& between) const;
     std::string_view widths_name(const UsdaPrim& prim) const {
@@ -60,29 +53,37 @@ class UsdaStrandsReader {
                           double begin, double end) const;
     void bisect(const std::vector<const UsdaPrim*>& ancestors, const Eigen::AlignedBox3d& box, double begin,
                 double end, int depth, std::set<double>& times) const;
+    void find_bases();
+    bool has_changing_counts() const;
+    const UsdaValue* held(const UsdaPrim& prim, std::string_view name) const;
+    StrandFile read_prims();
+    StrandFile read_takes();
     void find_times();
     void check_room(size_t times, uint64_t floats) const;
 
-    StrandFile read_prim(const CurvesPrim& prim);
-    Numbers placed_points(const CurvesPrim& prim, const UsdaSeries& points, double time) const;
-    void cut(UsdaCvs& cvs, const CurvesPrim& prim, const UsdaSeries& points, StrandFile& part);
-    void read_samples(const UsdaCvs& cvs, const CurvesPrim& prim, const UsdaSeries& points, StrandFile& part);
-    std::vector<float> widths_at(const UsdaCvs& cvs, const CurvesPrim& prim, const UsdaSeries& widths,
+    StrandFile read_prim(const UsdaCurvesPrim& prim);
+    Numbers placed_points(const UsdaCurvesPrim& prim, const UsdaSeries& points, double time) const;
+    bool cut_evenly(UsdaCvs& cvs, const UsdaCurvesPrim& prim, const UsdaSeries& points, StrandFile& part);
+    void cut(UsdaCvs& cvs, const UsdaCurvesPrim& prim, const UsdaSeries& points, StrandFile& part);
+    void read_samples(const UsdaCvs& cvs, const UsdaCurvesPrim& prim, const UsdaSeries& points,
+                      StrandFile& part);
+    std::vector<float> widths_at(const UsdaCvs& cvs, const UsdaCurvesPrim& prim, const UsdaSeries& widths,
                                  std::string_view name, double time) const;
 
     Interpolation interpolation_of(const UsdaPrim& prim, const UsdaAttribute& attribute,
                                    Interpolation otherwise) const;
+    Interpolation width_interpolation(const UsdaCvs& cvs, const UsdaCurvesPrim& prim,
+                                      const UsdaAttribute& widths, std::string_view name, size_t count) const;
     size_t expected(const UsdaCvs& cvs, Interpolation interpolation) const;
     Numbers interpolate_to_cvs(const UsdaCvs& cvs, const Numbers& values, size_t components,
                                Interpolation interpolation, bool discrete) const;
-    void read_attributes(const UsdaCvs& cvs, const CurvesPrim& prim, StrandFile& part);
-    void read_attribute(const UsdaCvs& cvs, const CurvesPrim& prim, const UsdaAttribute& attribute,
+    void read_attributes(const UsdaCvs& cvs, const UsdaCurvesPrim& prim, StrandFile& part);
+    void read_attribute(const UsdaCvs& cvs, const UsdaCurvesPrim& prim, const UsdaAttribute& attribute,
                         std::string name, Interpolation otherwise, StrandFile& part);
     bool expand(const UsdaPrim& prim, const UsdaAttribute& attribute, size_t components,
                 Numbers& values) const;
-    void place_values(const CurvesPrim& prim, std::string_view type, Numbers& values) const;
+    void place_values(const UsdaCurvesPrim& prim, std::string_view type, Numbers& values) const;
 
-    void join(const CurvesPrim& prim, StrandFile part, StrandFile& all);
     void drop_equal_samples(StrandFile& all) const;
     void warn(std::string what) {
         if (std::ranges::find(warnings_, what) == warnings_.end()) warnings_.push_back(std::move(what));
@@ -90,12 +91,15 @@ class UsdaStrandsReader {
 
     const std::string& path_;
     std::string_view bytes_;
+    const StrandReading& reading_;
     UsdaScene scene_;
     double frames_per_time_;
-    std::vector<CurvesPrim> prims_;
+    std::vector<UsdaCurvesPrim> prims_;
     std::vector<double> times_; // of the samples; one if nothing moves
     std::vector<std::string> warnings_;
-    size_t other_curves_ = 0; // number of curve prims that are not supported
+    bool has_mixed_bases_ = false; // all curves become Catmull-Rom curves
+    bool counts_change_ =
+        false; // times_ has one time: that of the take being read, at which all values are held
 };
 
 // ---- Prims, and values over time
@@ -109,17 +113,6 @@ double UsdaStrandsReader::time_codes_a_second() const {
                              "give a number above 0, such as 24");
     }
     return rate;
-}
-
-void UsdaStrandsReader::visit(const UsdaPrim& prim, const std::string& parent,
-                              std::vector<const UsdaPrim*>& ancestors) {
-    if (!is_usda_def(prim)) return;
-    const std::string path = fmt::format("{}/{}", parent, prim.name);
-    ancestors.push_back(&prim);
-    if (prim.type == "BasisCurves") prims_.push_back({path, ancestors});
-    if (prim.type == "HermiteCurves" || prim.type == "NurbsCurves") ++other_curves_;
-    for (const UsdaPrim& child : prim.children) visit(child, path, ancestors);
-    ancestors.pop_back();
 }
 
 // The time samples if there are any, else the value for every time.
@@ -146,6 +139,7 @@ const Numbers& UsdaStrandsReader::value_at(const UsdaSeries& series, double time
     const Numbers& a = *(next - 1)->second;
     if (next == series.samples.end() || (next - 1)->first == time) return a;
     const Numbers& b = *next->second;
+    if (counts_change_) return a;
     if (a.size() != b.size())
         scene_.fail(series.of->at,
                     fmt::format("\"{}\" has {} numbers at time {} and {} at {}", series.of->name, a.size(),
@@ -207,13 +201,17 @@ void UsdaStrandsReader::find_times() {
     std::set<double> times;
     uint64_t floats = 0;                                               // per sample
     std::map<std::vector<const UsdaPrim*>, Eigen::AlignedBox3d> moved; // key: the ancestors that transform it
-    for (const CurvesPrim& prim : prims_) {
+    for (const UsdaCurvesPrim& prim : prims_) {
         const UsdaSeries points = series(prim.self(), "points");
         if (!points.is_there())
             scene_.fail(prim.self().at, fmt::format("the curves \"{}\" have no points", prim.path),
                         "write them into this file: references are not followed");
         const Numbers& first = *points.samples.front().second;
-        floats += first.size() / 3 * 4;
+        size_t most = 0;
+        for (const auto& [time, value] : points.samples) most = std::max(most, value->size());
+        floats += most / 3 * 4;
+        if (counts_change_)
+            for (const auto& [time, value] : prim.self().samples("curveVertexCounts")) times.insert(time);
         for (const UsdaSeries& one : {points, series(prim.self(), widths_name(prim.self()))})
             if (one.samples.size() > 1)
                 for (const auto& [time, value] : one.samples) times.insert(time);
@@ -235,8 +233,8 @@ void UsdaStrandsReader::find_times() {
             for (const double time : scene_.transform_times(*one)) own.insert(time);
         times.insert(own.begin(), own.end());
         check_room(times.size(), floats);
-        for (auto next = own.begin(); next != own.end() && std::next(next) != own.end() && !box.isEmpty();
-             ++next)
+        for (auto next = counts_change_ ? own.end() : own.begin();
+             next != own.end() && std::next(next) != own.end() && !box.isEmpty(); ++next)
             bisect(ancestors, box, *next, *std::next(next), most_depth, between);
     }
     times.merge(between);
@@ -245,9 +243,31 @@ void UsdaStrandsReader::find_times() {
     if (times_.empty()) times_.push_back(0.0);
 }
 
+// Whether the curves or their vertices are not the same at all times.
+bool UsdaStrandsReader::has_changing_counts() const {
+    for (const UsdaCurvesPrim& prim : prims_) {
+        for (const auto& [time, value] : prim.self().samples("curveVertexCounts"))
+            if (*value != *prim.self().find("curveVertexCounts")) return true;
+        const UsdaSeries points = series(prim.self(), "points");
+        for (const auto& [time, value] : points.samples)
+            if (value->size() != points.samples.front().second->size()) return true;
+    }
+    return false;
+}
+
+// The value for every time, or the earliest; of counts that change the sample of the take's time, which holds until the
+// next.
+const UsdaValue* UsdaStrandsReader::held(const UsdaPrim& prim, std::string_view name) const {
+    const auto samples = prim.samples(name);
+    if (samples.empty()) return prim.find(name);
+    if (!counts_change_) return samples.front().second;
+    const UsdaPrim::Samples around = prim.samples_around(name, times_.front());
+    return around.before ? &around.before->second : &around.after->second;
+}
+
 // ---- Curves
 
-Numbers UsdaStrandsReader::placed_points(const CurvesPrim& prim, const UsdaSeries& points,
+Numbers UsdaStrandsReader::placed_points(const UsdaCurvesPrim& prim, const UsdaSeries& points,
                                          double time) const {
     Numbers between;
     const Numbers& given = value_at(points, time, between);
@@ -266,10 +286,9 @@ Numbers UsdaStrandsReader::placed_points(const CurvesPrim& prim, const UsdaSerie
     return placed;
 }
 
-// Cuts cubics into the fewest pieces that keep the curves near the file's.
-void UsdaStrandsReader::cut(UsdaCvs& cvs, const CurvesPrim& prim, const UsdaSeries& points,
-                            StrandFile& part) {
-    if (cvs.keeps_vertices()) return;
+// Cuts cubics into the fewest equal pieces that keep the curves near the file's; false: there are none.
+bool UsdaStrandsReader::cut_evenly(UsdaCvs& cvs, const UsdaCurvesPrim& prim, const UsdaSeries& points,
+                                   StrandFile& part) {
     for (uint32_t pieces = 1;; pieces *= 2) {
         cvs.cut(pieces);
         part.deviation = 0.0;
@@ -281,21 +300,27 @@ void UsdaStrandsReader::cut(UsdaCvs& cvs, const CurvesPrim& prim, const UsdaSeri
             is_near = is_near && off.share <= greatest_deviation;
             if (!is_near && pieces < most_pieces) break;
         }
-        if (!is_near && pieces == most_pieces)
-            warn(fmt::format("the curves \"{}\" differ from the file's by up to {:.2g} m", prim.path,
-                             part.deviation));
-        if (is_near || pieces == most_pieces) return;
+        if (is_near || pieces == most_pieces) return is_near;
     }
 }
 
-std::vector<float> UsdaStrandsReader::widths_at(const UsdaCvs& cvs, const CurvesPrim& prim,
+void UsdaStrandsReader::cut(UsdaCvs& cvs, const UsdaCurvesPrim& prim, const UsdaSeries& points,
+                            StrandFile& part) {
+    if (cvs.keeps_vertices() || cut_evenly(cvs, prim, points, part)) return;
+    bool has_corners = false;
+    for (const double time : times_) has_corners = cvs.mark_corners(placed_points(prim, points, time));
+    if (has_corners && cut_evenly(cvs, prim, points, part)) return;
+    warn(
+        fmt::format("the curves \"{}\" differ from the file's by up to {:.2g} m", prim.path, part.deviation));
+}
+
+std::vector<float> UsdaStrandsReader::widths_at(const UsdaCvs& cvs, const UsdaCurvesPrim& prim,
                                                 const UsdaSeries& widths, std::string_view name,
                                                 double time) const {
     Numbers between;
     const Numbers& given = value_at(widths, time, between);
     if (given.empty()) return {};
-    const Interpolation interpolation = interpolation_of(
-        prim.self(), *widths.of, name == "widths" ? Interpolation::vertex : Interpolation::constant);
+    const Interpolation interpolation = width_interpolation(cvs, prim, *widths.of, name, given.size());
     if (given.size() != expected(cvs, interpolation))
         scene_.fail(widths.of->at,
                     fmt::format("\"{}\" has {} widths, its interpolation needs {}", prim.path, given.size(),
@@ -315,7 +340,7 @@ std::vector<float> UsdaStrandsReader::widths_at(const UsdaCvs& cvs, const Curves
     return floats;
 }
 
-void UsdaStrandsReader::read_samples(const UsdaCvs& cvs, const CurvesPrim& prim, const UsdaSeries& points,
+void UsdaStrandsReader::read_samples(const UsdaCvs& cvs, const UsdaCurvesPrim& prim, const UsdaSeries& points,
                                      StrandFile& part) {
     const std::string_view name = widths_name(prim.self());
     const UsdaSeries widths = series(prim.self(), name);
@@ -332,26 +357,19 @@ void UsdaStrandsReader::read_samples(const UsdaCvs& cvs, const CurvesPrim& prim,
     }
 }
 
-StrandFile UsdaStrandsReader::read_prim(const CurvesPrim& prim) {
+StrandFile UsdaStrandsReader::read_prim(const UsdaCurvesPrim& prim) {
     StrandFile part;
     const UsdaCurveKind kind = usda_curve_kind(scene_, prim.self());
     const UsdaSeries points = series(prim.self(), "points");
-    if (points.samples.front().second->size() % 3 != 0)
+    Numbers between;
+    const size_t numbers = value_at(points, times_.front(), between).size();
+    if (numbers % 3 != 0)
         scene_.fail(points.of->at, fmt::format("the points of \"{}\" are no three numbers each", prim.path),
                     "export the curves anew");
-    for (const auto& [time, value] : prim.self().samples("curveVertexCounts"))
-        if (*value != *prim.self().find("curveVertexCounts"))
-            scene_.fail(prim.self().at,
-                        fmt::format("the curves \"{}\" have vertex counts that change over time", prim.path),
-                        "export as many curves and vertices at every frame");
-    for (const auto& [time, value] : points.samples)
-        if (value->size() != points.samples.front().second->size())
-            scene_.fail(points.of->at,
-                        fmt::format("\"{}\" has {} points at time {} and {} before", prim.path,
-                                    value->size() / 3, time, points.samples.front().second->size() / 3),
-                        "export as many curves and vertices at every frame");
-    UsdaCvs cvs(kind, usda_curve_counts(scene_, prim.self(), prim.path, kind,
-                                        points.samples.front().second->size() / 3));
+    UsdaCvs cvs(kind,
+                usda_curve_counts(scene_, prim.self(), prim.path, kind, numbers / 3,
+                                  held(prim.self(), "curveVertexCounts")),
+                has_mixed_bases_);
     cut(cvs, prim, points, part);
     if (kind.wrap == UsdaCurveWrap::periodic)
         warn(fmt::format("the curves \"{}\" are closed: they are opened where they begin", prim.path));
@@ -360,7 +378,7 @@ StrandFile UsdaStrandsReader::read_prim(const CurvesPrim& prim) {
     read_samples(cvs, prim, points, part);
     read_attributes(cvs, prim, part);
     if (!prim.self().samples("velocities").empty() || prim.self().find("velocities"))
-        if (times_.size() == 1)
+        if (times_.size() == 1 && !counts_change_)
             warn(fmt::format("the velocities of \"{}\" are not used: export its points at several frames",
                              prim.path));
     return part;
@@ -380,6 +398,19 @@ Interpolation UsdaStrandsReader::interpolation_of(const UsdaPrim& prim, const Us
         attribute.at,
         fmt::format("the interpolation \"{}\" of \"{}\" is not known", given.substr(0, 32), attribute.name),
         "write constant, uniform, varying or vertex");
+}
+
+// USD's default if the file gives none, or else the one that their number fits.
+Interpolation UsdaStrandsReader::width_interpolation(const UsdaCvs& cvs, const UsdaCurvesPrim& prim,
+                                                     const UsdaAttribute& widths, std::string_view name,
+                                                     size_t count) const {
+    const Interpolation usual = interpolation_of(
+        prim.self(), widths, name == "widths" ? Interpolation::vertex : Interpolation::constant);
+    if (!prim.self().metadata_of(widths.name, "interpolation").empty()) return usual;
+    for (const Interpolation one : {usual, Interpolation::constant, Interpolation::uniform,
+                                    Interpolation::varying, Interpolation::vertex})
+        if (count == expected(cvs, one)) return one;
+    return usual;
 }
 
 size_t UsdaStrandsReader::expected(const UsdaCvs& cvs, Interpolation interpolation) const {
@@ -414,6 +445,7 @@ bool UsdaStrandsReader::expand(const UsdaPrim& prim, const UsdaAttribute& attrib
     size_t at = attribute.at;
     const auto* indices = scene_.elements<std::vector<int64_t>>(prim, name, &at);
     if (!indices) return false;
+    if (counts_change_) indices = &std::get<std::vector<int64_t>>(*held(prim, name));
     Numbers expanded;
     expanded.reserve(indices->size() * components);
     const size_t count = values.size() / components;
@@ -431,7 +463,8 @@ bool UsdaStrandsReader::expand(const UsdaPrim& prim, const UsdaAttribute& attrib
 }
 
 // Points, vectors and normals are transformed with their prim.
-void UsdaStrandsReader::place_values(const CurvesPrim& prim, std::string_view type, Numbers& values) const {
+void UsdaStrandsReader::place_values(const UsdaCurvesPrim& prim, std::string_view type,
+                                     Numbers& values) const {
     const bool is_point = type.starts_with("point3"), is_vector = type.starts_with("vector3"),
                is_normal = type.starts_with("normal3");
     if (!is_point && !is_vector && !is_normal) return;
@@ -449,12 +482,12 @@ void UsdaStrandsReader::place_values(const CurvesPrim& prim, std::string_view ty
     }
 }
 
-void UsdaStrandsReader::read_attribute(const UsdaCvs& cvs, const CurvesPrim& prim,
+void UsdaStrandsReader::read_attribute(const UsdaCvs& cvs, const UsdaCurvesPrim& prim,
                                        const UsdaAttribute& attribute, std::string name,
                                        Interpolation otherwise, StrandFile& part) {
     const UsdaPrim& self = prim.self();
     const auto samples = self.samples(attribute.name);
-    const UsdaValue* value = samples.empty() ? self.find(attribute.name) : samples.front().second;
+    const UsdaValue* value = held(self, attribute.name);
     if (!value) return;
     const auto left_out = [&](const std::string& why) {
         warn(fmt::format("\"{}\" of \"{}\" is left out: {}", attribute.name, prim.path, why));
@@ -472,12 +505,11 @@ void UsdaStrandsReader::read_attribute(const UsdaCvs& cvs, const CurvesPrim& pri
         return left_out("it holds text");
     }
     size_t components = usda_type_width(attribute.type);
-    double element_size = 1.0;
+    int64_t element_size = 1;
     if (const std::string_view given = self.metadata_of(attribute.name, "elementSize"); !given.empty())
-        parse_number(given, element_size);
-    if (element_size >= 1.0 && element_size <= 4.0) components *= size_t(element_size);
-    if (components < 1 || components > 4 || !(element_size <= 4.0))
-        return left_out("an attribute has 1 to 4 numbers");
+        if (parse_whole(given, 1, 4, element_size) != WholeFault::none) components = 0;
+    components *= size_t(element_size);
+    if (components < 1 || components > 4) return left_out("an attribute has 1 to 4 numbers");
     const Interpolation interpolation = interpolation_of(self, attribute, otherwise);
     const bool has_indices = expand(self, attribute, components, values);
     const size_t count = values.size() / components;
@@ -489,7 +521,7 @@ void UsdaStrandsReader::read_attribute(const UsdaCvs& cvs, const CurvesPrim& pri
                                 expected(cvs, interpolation)),
                     "export the curves anew");
     place_values(prim, attribute.type, values);
-    if (samples.size() > 1 &&
+    if (samples.size() > 1 && !counts_change_ &&
         std::ranges::any_of(samples, [&](const auto& sample) { return *sample.second != *value; }))
         warn(fmt::format("\"{}\" of \"{}\" animates: its first sample is taken", attribute.name, prim.path));
     if (folded > 0)
@@ -519,13 +551,14 @@ void UsdaStrandsReader::read_attribute(const UsdaCvs& cvs, const CurvesPrim& pri
                         "write finite numbers that a float holds");
         result.values.push_back(float(number));
     }
-    if (part.attributes.size() == most_attributes)
-        scene_.fail(attribute.at, fmt::format("\"{}\" has more than {} primvars", prim.path, most_attributes),
+    if (part.attributes.size() == most_strand_attributes)
+        scene_.fail(attribute.at,
+                    fmt::format("\"{}\" has more than {} primvars", prim.path, most_strand_attributes),
                     "leave out those that nobody uses");
     part.attributes.push_back(std::move(result));
 }
 
-void UsdaStrandsReader::read_attributes(const UsdaCvs& cvs, const CurvesPrim& prim, StrandFile& part) {
+void UsdaStrandsReader::read_attributes(const UsdaCvs& cvs, const UsdaCurvesPrim& prim, StrandFile& part) {
     constexpr std::string_view head = "primvars:", indices = ":indices";
     const UsdaPrim& self = prim.self();
     std::set<std::string_view> done;
@@ -553,81 +586,6 @@ void UsdaStrandsReader::read_attributes(const UsdaCvs& cvs, const CurvesPrim& pr
 
 // ---- The whole file
 
-void per_cv(AttributeValues& attribute, const std::vector<uint32_t>& counts) {
-    if (attribute.rate == MARRAM_PER_CV) return;
-    std::vector<float> values;
-    for (size_t c = 0; c < counts.size(); ++c)
-        for (uint32_t i = 0; i < counts[c]; ++i)
-            values.insert(values.end(), attribute.values.begin() + std::ptrdiff_t(c * attribute.components),
-                          attribute.values.begin() + std::ptrdiff_t((c + 1) * attribute.components));
-    attribute.values = std::move(values);
-    attribute.rate = MARRAM_PER_CV;
-}
-
-void UsdaStrandsReader::join(const CurvesPrim& prim, StrandFile part, StrandFile& all) {
-    if (all.samples.empty()) {
-        all = std::move(part);
-        return;
-    }
-    if (part.basis != all.basis) {
-        constexpr const char* names[] = {"B-splines", "Catmull-Rom curves", "polylines"};
-        scene_.fail(prim.self().at,
-                    fmt::format("the curves \"{}\" are {}, those before are {}", prim.path, names[part.basis],
-                                names[all.basis]),
-                    "split the file into one for each kind");
-    }
-    const size_t curves = all.counts.size(), cvs = all.samples.front().points.size(),
-                 more_curves = part.counts.size(), more_cvs = part.samples.front().points.size();
-    const auto lacks = [&](const std::string& name) {
-        warn(fmt::format("not all curves have \"{}\": it is 0 for those that lack it", name));
-    };
-    for (AttributeValues& attribute : part.attributes) {
-        const auto same = std::ranges::find(all.attributes, attribute.name, &AttributeValues::name);
-        if (same == all.attributes.end()) {
-            lacks(attribute.name);
-            if (all.attributes.size() == most_attributes)
-                scene_.fail(prim.self().at,
-                            fmt::format("\"{}\" and the prims before it have more than {} primvars in all",
-                                        prim.path, most_attributes),
-                            "leave out those that nobody uses, or split the file");
-            attribute.values.insert(
-                attribute.values.begin(),
-                (attribute.rate == MARRAM_PER_CURVE ? curves : cvs) * attribute.components, 0.0F);
-            all.attributes.push_back(std::move(attribute));
-            continue;
-        }
-        if (same->components != attribute.components)
-            scene_.fail(prim.self().at,
-                        fmt::format("\"{}\" has {} numbers in \"{}\", {} before", attribute.name,
-                                    attribute.components, prim.path, same->components),
-                        "rename one of them");
-        if (same->rate != attribute.rate) {
-            per_cv(*same, all.counts);
-            per_cv(attribute, part.counts);
-        }
-        same->discrete = same->discrete && attribute.discrete;
-        same->values.insert(same->values.end(), attribute.values.begin(), attribute.values.end());
-    }
-    for (AttributeValues& attribute : all.attributes) {
-        const bool per_curve = attribute.rate == MARRAM_PER_CURVE;
-        const size_t right = (per_curve ? curves + more_curves : cvs + more_cvs) * attribute.components;
-        if (attribute.values.size() == right) continue;
-        lacks(attribute.name);
-        attribute.values.resize(right, 0.0F);
-    }
-    for (size_t i = 0; i < all.samples.size(); ++i) {
-        StrandSample &to = all.samples[i], &from = part.samples[i];
-        to.points.insert(to.points.end(), from.points.begin(), from.points.end());
-        if (to.widths.empty() && from.widths.empty()) continue;
-        if (to.widths.empty() || from.widths.empty()) lacks("widths");
-        to.widths.resize(cvs, 0.0F);
-        from.widths.resize(more_cvs, 0.0F);
-        to.widths.insert(to.widths.end(), from.widths.begin(), from.widths.end());
-    }
-    all.counts.insert(all.counts.end(), part.counts.begin(), part.counts.end());
-    all.deviation = std::max(all.deviation, part.deviation);
-}
-
 void UsdaStrandsReader::drop_equal_samples(StrandFile& all) const {
     const StrandSample& first = all.samples.front();
     const bool moves = std::ranges::any_of(all.samples, [&](const StrandSample& sample) {
@@ -636,31 +594,75 @@ void UsdaStrandsReader::drop_equal_samples(StrandFile& all) const {
     if (!moves) all.samples.resize(1);
 }
 
-StrandFile UsdaStrandsReader::read() {
-    std::vector<const UsdaPrim*> ancestors;
-    for (const UsdaPrim& prim : scene_.layer().prims) visit(prim, "", ancestors);
-    if (prims_.empty())
-        throw InputError({path_}, "has no BasisCurves of its own",
-                         "export curves into this file: references and variants are not followed");
-    find_times();
+// B-splines cannot be joined to curves through points: they become such curves.
+void UsdaStrandsReader::find_bases() {
+    std::set<MarramBasis> bases;
+    for (const UsdaCurvesPrim& prim : prims_)
+        bases.insert(UsdaCvs(usda_curve_kind(scene_, prim.self()), {}).basis());
+    has_mixed_bases_ = bases.size() > 1 && bases.contains(MARRAM_BSPLINE);
+    if (has_mixed_bases_)
+        warn("its prims have B-splines and other curves: the B-splines become Catmull-Rom curves, as the "
+             "others are drawn; export them to files of their own to keep them");
+}
+
+// All prims at times_; without curves there are no samples.
+StrandFile UsdaStrandsReader::read_prims() {
     StrandFile all;
-    for (const CurvesPrim& prim : prims_) {
+    for (const UsdaCurvesPrim& prim : prims_) {
         StrandFile part = read_prim(prim);
-        if (!part.counts.empty()) join(prim, std::move(part), all);
+        if (part.counts.empty()) continue;
+        for (std::string& lack : join_strands(scene_.place(prim.self().at), prim.path, std::move(part), all))
+            warn(std::move(lack));
     }
+    return all;
+}
+
+StrandFile UsdaStrandsReader::read_takes() {
+    const std::vector<double> times = std::move(times_);
+    std::vector<StrandFile> takes;
+    for (const double time : times) {
+        times_ = {time};
+        StrandFile& take = takes.emplace_back(read_prims());
+        if (std::ranges::any_of(take.counts, [](uint32_t count) { return count > 1; })) {
+            remove_short_curves(path_, take);
+            for (std::string& warning : take.warnings) warn(std::move(warning));
+            take.warnings.clear();
+        } else {
+            take = {};
+            take.samples.resize(1);
+        }
+        take.samples.front().frame = time * frames_per_time_;
+    }
+    const auto full =
+        std::ranges::find_if(takes, [](const StrandFile& take) { return !take.counts.empty(); });
+    if (full == takes.end())
+        throw InputError({path_}, "its BasisCurves have no curves", "check that the strands were exported");
+    match_attributes(takes);
+    StrandFile all = *full;
+    all.takes = std::move(takes);
+    return all;
+}
+
+StrandFile UsdaStrandsReader::read() {
+    UsdaCurvesFound found = find_usda_curves(path_, scene_, reading_.prims);
+    prims_ = std::move(found.prims);
+    warnings_ = std::move(found.warnings);
+    find_bases();
+    counts_change_ = has_changing_counts();
+    find_times();
+    StrandFile all = counts_change_ ? read_takes() : read_prims();
     if (all.samples.empty())
         throw InputError({path_}, "its BasisCurves have no curves", "check that the strands were exported");
-    drop_equal_samples(all);
-    if (other_curves_ > 0)
-        warn(fmt::format("{} prims of HermiteCurves or NurbsCurves are not read", other_curves_));
+    if (!counts_change_) drop_equal_samples(all);
     all.warnings = std::move(warnings_);
+    if (!counts_change_) remove_short_curves(path_, all);
     return all;
 }
 
 } // namespace
 
-StrandFile read_usda_strands(const std::string& file, std::string_view bytes, double fps) {
-    return UsdaStrandsReader(file, bytes, fps).read();
+StrandFile read_usda_strands(const std::string& file, std::string_view bytes, const StrandReading& reading) {
+    return UsdaStrandsReader(file, bytes, reading).read();
 }
 
 } // namespace marram

@@ -1,16 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/geometry/table_file.h"
 
-#include "core/math/problem.h"
+#include "core/geometry/mesh_reader.h"
 
 #include <csv.h>
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <charconv>
-#include <cmath>
 #include <exception>
-#include <fstream>
 #include <memory>
 
 namespace marram {
@@ -54,9 +51,11 @@ struct Reader {
             return;
         }
         float number = 0.0F;
-        const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
-        if (error != std::errc() || end != text.data() + text.size() || !std::isfinite(number))
-            report(fmt::format("column {} is \"{}\"", column + 1, text.substr(0, 40)), "give a number");
+        if (parse_number(text, number) != NumberFault::none) {
+            const bool has_comma = text.find(',') != std::string_view::npos;
+            report(fmt::format("column {} is \"{}\"", column + 1, text.substr(0, 40)),
+                   has_comma ? "write decimals with a point, as 3.5" : "give a number");
+        }
         table.values.push_back(number);
         ++column;
     }
@@ -76,13 +75,19 @@ struct Reader {
     }
 };
 
+// The first of the separators in the line of names. Programs write semicolons where decimals have commas.
+unsigned char separator_of(std::string_view text) {
+    const std::string_view names = text.substr(0, text.find_first_of("\r\n"));
+    const size_t first = names.find_first_of(",;\t");
+    return first == std::string_view::npos ? ',' : static_cast<unsigned char>(names[first]);
+}
+
 } // namespace
 
 TableFile read_table_file(const std::string& path) {
     Reader reader;
     reader.path = path;
-    std::ifstream in(path, std::ios::binary);
-    if (!in) throw InputError({path}, "cannot be read", "check its permissions");
+    const std::string text = read_text(path, ".csv");
     csv_parser parser;
     if (csv_init(&parser, CSV_STRICT | CSV_STRICT_FINI | CSV_APPEND_NULL) != 0) throw std::bad_alloc();
     const std::unique_ptr<csv_parser, void (*)(csv_parser*)> owner(&parser, csv_free);
@@ -90,12 +95,14 @@ TableFile read_table_file(const std::string& path) {
         if (!good)
             throw InputError({path, reader.line, 0},
                              fmt::format("is not valid CSV: {}", csv_strerror(csv_error(&parser))),
-                             "separate numbers by commas, a row a line");
+                             "separate numbers by commas or semicolons, a row a line");
     };
-    for (std::string line; std::getline(in, line);) {
+    const unsigned char separator = separator_of(text);
+    csv_set_delim(&parser, separator);
+    std::string line;
+    for (size_t begin = 0; begin < text.size(); begin += line.size()) {
+        line = text.substr(begin, std::min(text.find('\n', begin), text.size() - 1) + 1 - begin);
         ++reader.line; // the library skips empty lines
-        if (reader.line == 1 && line.starts_with("\xef\xbb\xbf")) line.erase(0, 3); // UTF-8's mark
-        line += '\n';
         check(csv_parse(&parser, line.data(), line.size(), Reader::on_field, Reader::on_row, &reader) ==
               line.size());
     }

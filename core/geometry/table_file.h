@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Reads tables of numbers from CSV files: a line of column names, then a line of numbers per row, separated
-// by commas.
+// Reads tables of numbers from CSV files: a line of column names, then a line of numbers per row. Separated
+// by commas, semicolons or tabs, whichever the line of names has first.
 #pragma once
 
 #include <string>

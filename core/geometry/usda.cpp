@@ -6,7 +6,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <charconv>
 #include <limits>
 
 namespace marram {
@@ -31,15 +30,27 @@ struct UsdaType {
     UsdaElements elements = UsdaElements::unknown;
     size_t width = 1;
     bool is_single = false; // numbers are rounded to floats, as USD stores them
+    int64_t least = std::numeric_limits<int64_t>::min(), greatest = std::numeric_limits<int64_t>::max();
 };
 
 UsdaType usda_type(std::string_view name) {
-    for (const std::string_view one : {"bool", "uchar", "int", "uint", "int64", "uint64"})
-        if (name == one) return {UsdaElements::integers, 1};
+    constexpr int64_t no_less = std::numeric_limits<int64_t>::min(),
+                      no_more = std::numeric_limits<int64_t>::max();
+    struct Whole {
+        std::string_view name;
+        int64_t least, greatest;
+    };
+    for (const Whole& one :
+         {Whole{"bool", no_less, no_more}, Whole{"uchar", 0, 255},
+          Whole{"int", std::numeric_limits<int32_t>::min(), std::numeric_limits<int32_t>::max()},
+          Whole{"uint", 0, std::numeric_limits<uint32_t>::max()}, Whole{"int64", no_less, no_more},
+          Whole{"uint64", 0, no_more}})
+        if (name == one.name) return {UsdaElements::integers, 1, false, one.least, one.greatest};
     for (const std::string_view one : {"string", "token", "asset"})
         if (name == one) return {UsdaElements::texts, 1};
     if (name == "int2" || name == "int3" || name == "int4")
-        return {UsdaElements::integers, size_t(name.back() - '0')};
+        return {UsdaElements::integers, size_t(name.back() - '0'), false, std::numeric_limits<int32_t>::min(),
+                std::numeric_limits<int32_t>::max()};
     if (name == "timecode") return {UsdaElements::doubles, 1};
     for (const std::string_view one : {"quath", "quatf", "quatd"})
         if (name == one) return {UsdaElements::doubles, 4, name.back() != 'd'};
@@ -101,16 +112,18 @@ class UsdaReader {
     std::vector<UsdaMetadata> read_metadata();
     void skip_value();
     void skip_group();
+    void count_not_followed(std::string_view what, size_t at);
+    bool is_empty_value() const;
 
     // Values
     UsdaValue read_value(const UsdaType& type, bool is_array);
     template <typename Element>
     UsdaValue read_elements(const UsdaType& type, bool is_array);
     template <typename Element>
-    size_t read_element(std::vector<Element>& out);
-    void read_one(std::vector<double>& out);
-    void read_one(std::vector<int64_t>& out);
-    void read_one(std::vector<std::string_view>& out);
+    size_t read_element(const UsdaType& type, std::vector<Element>& out);
+    void read_one(const UsdaType&, std::vector<double>& out);
+    void read_one(const UsdaType& type, std::vector<int64_t>& out);
+    void read_one(const UsdaType&, std::vector<std::string_view>& out);
     template <typename Element>
     void reserve_array(std::vector<Element>& out) const;
 
@@ -129,6 +142,7 @@ class UsdaReader {
     std::string_view bytes_;
     size_t at_ = 0; // after the next token
     UsdaToken next_;
+    std::vector<UsdaNotFollowed> not_followed_;
 };
 
 // ---- Tokens
@@ -243,6 +257,32 @@ void UsdaReader::skip_value() {
     if (refers && next_.is('(')) skip_group();
 }
 
+void UsdaReader::count_not_followed(std::string_view what, size_t at) {
+    const auto known = std::ranges::find(not_followed_, what, &UsdaNotFollowed::what);
+    if (known != not_followed_.end())
+        ++known->count;
+    else
+        not_followed_.push_back({what, 1, at});
+}
+
+// Whether the next value is None or an empty list.
+bool UsdaReader::is_empty_value() const {
+    const size_t behind = bytes_.find_first_not_of(" \t\r\n", at_);
+    return next_.is_word("None") ||
+           (next_.is('[') && behind != std::string_view::npos && bytes_[behind] == ']');
+}
+
+bool brings_content(std::string_view key) {
+    for (const std::string_view one : {"subLayers", "references", "payload", "inherits", "specializes"})
+        if (key == one) return true;
+    return false;
+}
+
+// Shading networks are connections, and nobody reads them here.
+bool is_shading(std::string_view type) {
+    return type == "Material" || type == "Shader" || type == "NodeGraph";
+}
+
 bool is_list_edit(std::string_view word) {
     for (const std::string_view one : {"prepend", "append", "add", "delete", "reorder"})
         if (word == one) return true;
@@ -257,10 +297,13 @@ std::vector<UsdaMetadata> UsdaReader::read_metadata() {
             advance();
             continue;
         }
+        const size_t at = next_.at;
         std::string_view key = expect_word("metadata or ')'");
         const bool is_edit = is_list_edit(key) && next_.kind == UsdaKind::word;
+        const bool is_removal = key == "delete" || key == "reorder";
         if (is_edit) key = take().text;
         expect('=', "behind a key of metadata");
+        if (brings_content(key) && !(is_edit && is_removal) && !is_empty_value()) count_not_followed(key, at);
         const bool one =
             next_.kind == UsdaKind::word || next_.kind == UsdaKind::number || next_.kind == UsdaKind::text;
         if (one && !is_edit) metadata.push_back({key, next_.text});
@@ -314,6 +357,8 @@ void UsdaReader::read_attribute(UsdaPrim& prim) {
         expect('=', "behind timeSamples");
         read_samples(attribute, type, is_array);
     } else if (take_if('=')) {
+        if (field == ".connect" && !is_shading(prim.type) && !is_empty_value())
+            count_not_followed("connect", attribute.at);
         if (field.empty() || field == ".default")
             attribute.value = read_value(type, is_array);
         else
@@ -331,6 +376,7 @@ void UsdaReader::read_statement(UsdaPrim& prim, int depth) {
     if (take_if(';')) return;
     if (is_specifier(next_)) return void(prim.children.push_back(read_prim(depth + 1)));
     if (next_.is_word("variantSet")) {
+        count_not_followed("variantSet", next_.at);
         advance();
         return read_variants();
     }
@@ -394,12 +440,13 @@ UsdaLayer UsdaReader::read() {
         if (!is_specifier(next_)) fail_next("def, over or class");
         layer.prims.push_back(read_prim(1));
     }
+    layer.not_followed = std::move(not_followed_);
     return layer;
 }
 
 // ---- Values
 
-void UsdaReader::read_one(std::vector<double>& out) {
+void UsdaReader::read_one(const UsdaType&, std::vector<double>& out) {
     double value = 0.0;
     const bool may = next_.kind == UsdaKind::number || next_.kind == UsdaKind::word; // a word: inf, nan
     const NumberFault fault = may ? parse_number(next_.text, value) : NumberFault::not_a_number;
@@ -409,20 +456,24 @@ void UsdaReader::read_one(std::vector<double>& out) {
     advance();
 }
 
-void UsdaReader::read_one(std::vector<int64_t>& out) {
+void UsdaReader::read_one(const UsdaType& type, std::vector<int64_t>& out) {
     if (next_.is_word("true") || next_.is_word("false")) {
         out.push_back(take().text == "true");
         return;
     }
     int64_t value = 0;
-    const char* end = next_.text.data() + next_.text.size();
-    const auto [stop, error] = std::from_chars(next_.text.data(), end, value);
-    if (next_.kind != UsdaKind::number || stop != end || error != std::errc()) fail_next("a whole number");
+    const WholeFault fault = next_.kind == UsdaKind::number
+                                 ? parse_whole(next_.text, type.least, type.greatest, value)
+                                 : WholeFault::not_whole;
+    if (fault == WholeFault::not_whole) fail_next("a whole number");
+    if (fault == WholeFault::out_of_range)
+        fail(next_.at, fmt::format("{} is beyond the range of its type", next_.text.substr(0, 32)),
+             "check the value against its type");
     out.push_back(value);
     advance();
 }
 
-void UsdaReader::read_one(std::vector<std::string_view>& out) {
+void UsdaReader::read_one(const UsdaType&, std::vector<std::string_view>& out) {
     if (next_.kind != UsdaKind::text && next_.kind != UsdaKind::asset) fail_next("a text");
     out.push_back(take().text);
 }
@@ -430,10 +481,10 @@ void UsdaReader::read_one(std::vector<std::string_view>& out) {
 // Reads a number, or a tuple of them, which may hold tuples in turn (the rows of a matrix). Returns how many
 // numbers.
 template <typename Element>
-size_t UsdaReader::read_element(std::vector<Element>& out) {
+size_t UsdaReader::read_element(const UsdaType& type, std::vector<Element>& out) {
     const size_t before = out.size();
     if (!next_.is('(')) {
-        read_one(out);
+        read_one(type, out);
         return 1;
     }
     size_t depth = 0;
@@ -449,7 +500,7 @@ size_t UsdaReader::read_element(std::vector<Element>& out) {
             separated = true;
         } else {
             if (!separated) fail_next("',' or ')'");
-            read_one(out);
+            read_one(type, out);
             separated = false;
         }
     } while (depth > 0);
@@ -471,7 +522,7 @@ UsdaValue UsdaReader::read_elements(const UsdaType& type, bool is_array) {
     std::vector<Element> out;
     const auto read_checked = [&] {
         const size_t at = next_.at;
-        if (const size_t count = read_element(out); count != type.width)
+        if (const size_t count = read_element(type, out); count != type.width)
             fail(at, fmt::format("an element of {} numbers stands where {} are expected", count, type.width),
                  "check the value against its type");
     };

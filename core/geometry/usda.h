@@ -5,7 +5,7 @@
 // Kept are: metadata of the layer, prims and attributes that is one word, number or text; attributes with
 // numbers, integers, texts or arrays of these, and all their time samples. Skipped, with a check of brackets
 // only: relationships, connections, variants, dictionaries, lists in metadata. Nothing is composed:
-// references, payloads, sublayers and inherits are not followed.
+// references, payloads, sublayers, inherits and variants are counted but not followed.
 //
 // Grammar: the text format of OpenUSD's Sdf ("Usda File Format Specification").
 #pragma once
@@ -66,9 +66,16 @@ struct UsdaPrim {
     std::string_view metadata_of(std::string_view name, std::string_view key) const;
 };
 
+// A way to bring in other content, "references" or "variantSet": how often the layer uses it, and where first.
+struct UsdaNotFollowed {
+    std::string_view what;
+    size_t count = 0, at = 0;
+};
+
 struct UsdaLayer {
     std::vector<UsdaMetadata> metadata;
     std::vector<UsdaPrim> prims;
+    std::vector<UsdaNotFollowed> not_followed; // in the order of their first use
 };
 
 // The result points into `bytes`. Throws InputError with line and column for what is not .usda or does not

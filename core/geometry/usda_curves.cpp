@@ -35,15 +35,15 @@ std::array<double, 4> usda_weights(UsdaCurveBasis basis, double t) {
 
 class UsdaCurvesReader {
   public:
-    UsdaCurvesReader(const std::string& path, std::string_view bytes) : scene_(path, bytes) {}
-    std::vector<UsdaCurves> read();
+    UsdaCurvesReader(const std::string& path, std::string_view bytes) : path_(path), scene_(path, bytes) {}
+    std::vector<UsdaCurves> read(std::span<const std::string> chosen, std::vector<std::string>* warnings);
 
   private:
-    void visit(const UsdaPrim& prim, const std::string& parent, const UsdaTransform& above);
     void read_curves(const UsdaPrim& prim, const std::string& path, const UsdaTransform& placing);
     void read_points(const UsdaPrim& prim, const UsdaTransform& placing, UsdaCurves& curves) const;
     void read_widths(const UsdaPrim& prim, const UsdaTransform& placing, UsdaCurves& curves) const;
 
+    const std::string& path_;
     UsdaScene scene_;
     std::vector<UsdaCurves> all_;
 };
@@ -76,8 +76,11 @@ void UsdaCurvesReader::read_widths(const UsdaPrim& prim, const UsdaTransform& pl
     std::string_view interpolation;
     const auto* widths = scene_.elements<std::vector<double>>(prim, "widths", &at, &interpolation);
     if (!widths || widths->empty()) return;
-    curves.width_interpolation = interpolation.empty() ? "vertex" : interpolation; // USD's default
     const bool closed = curves.wrap == UsdaCurveWrap::periodic;
+    // One width without an interpolation, or one per curve, can only be meant as that.
+    if (interpolation.empty() && widths->size() != curves.points.size())
+        interpolation = widths->size() == curves.counts.size() ? "uniform" : "constant";
+    curves.width_interpolation = interpolation.empty() ? "vertex" : interpolation; // USD's default
     size_t expected = curves.points.size();
     if (interpolation == "constant") expected = 1;
     if (interpolation == "uniform") expected = curves.counts.size();
@@ -108,21 +111,21 @@ void UsdaCurvesReader::read_curves(const UsdaPrim& prim, const std::string& path
     curves.path = path;
     static_cast<UsdaCurveKind&>(curves) = usda_curve_kind(scene_, prim);
     read_points(prim, placing, curves);
-    curves.counts = usda_curve_counts(scene_, prim, path, curves, curves.points.size());
+    curves.counts =
+        usda_curve_counts(scene_, prim, path, curves, curves.points.size(), prim.find("curveVertexCounts"));
     read_widths(prim, placing, curves);
     all_.push_back(std::move(curves));
 }
 
-void UsdaCurvesReader::visit(const UsdaPrim& prim, const std::string& parent, const UsdaTransform& above) {
-    if (!is_usda_def(prim)) return;
-    const std::string path = fmt::format("{}/{}", parent, prim.name);
-    const UsdaTransform placing = scene_.transform_of(prim, above);
-    if (prim.type == "BasisCurves") read_curves(prim, path, placing);
-    for (const UsdaPrim& child : prim.children) visit(child, path, placing);
-}
-
-std::vector<UsdaCurves> UsdaCurvesReader::read() {
-    for (const UsdaPrim& prim : scene_.layer().prims) visit(prim, "", scene_.root());
+std::vector<UsdaCurves> UsdaCurvesReader::read(std::span<const std::string> chosen,
+                                               std::vector<std::string>* warnings) {
+    UsdaCurvesFound found = find_usda_curves(path_, scene_, chosen);
+    for (const UsdaCurvesPrim& prim : found.prims) {
+        UsdaTransform placing = scene_.root();
+        for (const UsdaPrim* one : prim.ancestors) placing = scene_.transform_of(*one, placing);
+        read_curves(prim.self(), prim.path, placing);
+    }
+    if (warnings) *warnings = std::move(found.warnings);
     return std::move(all_);
 }
 
@@ -148,9 +151,10 @@ UsdaCurveKind usda_curve_kind(const UsdaScene& scene, const UsdaPrim& prim) {
 }
 
 std::vector<uint32_t> usda_curve_counts(const UsdaScene& scene, const UsdaPrim& prim, const std::string& path,
-                                        const UsdaCurveKind& kind, size_t points) {
+                                        const UsdaCurveKind& kind, size_t points, const UsdaValue* value) {
     size_t at = prim.at;
-    const auto* numbers = scene.elements<std::vector<int64_t>>(prim, "curveVertexCounts", &at);
+    scene.elements<std::vector<int64_t>>(prim, "curveVertexCounts", &at); // checks the type
+    const auto* numbers = value ? std::get_if<std::vector<int64_t>>(value) : nullptr;
     if (!numbers)
         scene.fail(at, fmt::format("the curves \"{}\" have no curveVertexCounts", path),
                    "write them into this file: references are not followed");
@@ -158,7 +162,8 @@ std::vector<uint32_t> usda_curve_counts(const UsdaScene& scene, const UsdaPrim& 
     counts.reserve(numbers->size());
     uint64_t sum = 0;
     for (const int64_t count : *numbers) {
-        if (count < 0 || uint64_t(count) > greatest_count || kind.segments(uint32_t(count)) == 0)
+        if (count < 0 || uint64_t(count) > greatest_count ||
+            (count > 1 && kind.segments(uint32_t(count)) == 0))
             scene.fail(at, fmt::format("curve {} of \"{}\" has {} vertices", counts.size(), path, count),
                        "see USD's BasisCurves for how many its type, basis and wrap allow");
         counts.push_back(uint32_t(count));
@@ -186,7 +191,7 @@ uint32_t UsdaCurveKind::segments(uint32_t count) const {
 
 std::vector<Vec3d> UsdaCurves::polyline(size_t first, uint32_t count, int each) const {
     const Vec3d* p = points.data() + first;
-    if (basis == UsdaCurveBasis::linear) return {p, p + count};
+    if (basis == UsdaCurveBasis::linear || count < 2) return {p, p + count};
     const bool is_bezier = basis == UsdaCurveBasis::bezier, periodic = wrap == UsdaCurveWrap::periodic;
     const bool pinned = wrap == UsdaCurveWrap::pinned && !is_bezier;
     const auto vertex = [&](int64_t i) -> Vec3d {
@@ -216,13 +221,17 @@ std::vector<Vec3d> UsdaCurves::polyline(size_t first, uint32_t count, int each) 
     return line;
 }
 
-std::vector<UsdaCurves> read_usda_curves(const std::string& path, std::string_view bytes) {
-    return UsdaCurvesReader(path, bytes).read();
+std::vector<UsdaCurves> read_usda_curves(const std::string& path, std::string_view bytes,
+                                         std::span<const std::string> chosen,
+                                         std::vector<std::string>* warnings) {
+    return UsdaCurvesReader(path, bytes).read(chosen, warnings);
 }
 
-std::vector<Polyline> read_usda_polylines(const std::string& file, std::string_view bytes) {
+std::vector<Polyline> read_usda_polylines(const std::string& file, std::string_view bytes,
+                                          std::span<const std::string> prims,
+                                          std::vector<std::string>* warnings) {
     std::vector<Polyline> lines;
-    for (const UsdaCurves& curves : read_usda_curves(file, bytes)) {
+    for (const UsdaCurves& curves : read_usda_curves(file, bytes, prims, warnings)) {
         size_t first = 0;
         for (const uint32_t count : curves.counts) {
             lines.push_back({curves.polyline(first, count, usda_points_a_segment),
@@ -230,9 +239,6 @@ std::vector<Polyline> read_usda_polylines(const std::string& file, std::string_v
             first += count;
         }
     }
-    if (lines.empty())
-        throw InputError({file}, "has no BasisCurves of its own",
-                         "export curves into this file: references and variants are not followed");
     return lines;
 }
 

@@ -51,16 +51,18 @@ double distance_near(const Vec3d& point, const std::array<Vec3d, 4>& cubic, Usda
 
 } // namespace
 
-UsdaCvs::UsdaCvs(UsdaCurveKind kind, std::vector<uint32_t> counts) : kind_(kind), counts_(std::move(counts)) {
+UsdaCvs::UsdaCvs(UsdaCurveKind kind, std::vector<uint32_t> counts, bool through_points)
+    : kind_(kind), counts_(std::move(counts)) {
     const bool periodic = kind.wrap == UsdaCurveWrap::periodic,
                is_linear = kind.basis == UsdaCurveBasis::linear;
     keeps_vertices_ =
         is_linear ? !periodic : kind.wrap == UsdaCurveWrap::pinned && kind.basis != UsdaCurveBasis::bezier;
+    if (through_points && kind.basis == UsdaCurveBasis::bspline) keeps_vertices_ = false;
     vertices_.assign(1, 0);
     joints_.assign(1, 0);
     for (const uint32_t count : counts_) {
         vertices_.push_back(vertices_.back() + count);
-        joints_.push_back(joints_.back() + kind_.segments(count) + (periodic ? 0 : 1));
+        joints_.push_back(joints_.back() + kind_.segments(count) + (periodic || count == 0 ? 0 : 1));
     }
     cut(1);
 }
@@ -70,12 +72,53 @@ MarramBasis UsdaCvs::basis() const {
     return keeps_vertices_ && kind_.basis == UsdaCurveBasis::bspline ? MARRAM_BSPLINE : MARRAM_CATMULL_ROM;
 }
 
+uint32_t UsdaCvs::pattern_of(size_t curve, uint32_t cubic) const {
+    if (corners_.empty()) return 0;
+    const uint64_t joint = joints_[curve] + cubic, next = joint + 1;
+    const bool at_end = next < joints_[curve + 1] && corners_[next] != 0;
+    return (corners_[joint] != 0 ? 1U : 0U) + (at_end ? 2U : 0U);
+}
+
 void UsdaCvs::cut(uint32_t pieces) {
-    pieces_ = pieces;
+    for (uint32_t pattern = 0; pattern < patterns_.size(); ++pattern) {
+        std::vector<double>& at = patterns_[pattern];
+        at.clear();
+        for (uint32_t k = 0; k <= pieces; ++k) {
+            if (k == pieces && (pattern & 2U) != 0)
+                for (const double step : {4.0, 16.0, 64.0}) at.push_back(1.0 - 1.0 / (step * pieces));
+            at.push_back(double(k) / pieces);
+            if (k == 0 && (pattern & 1U) != 0)
+                for (const double step : {64.0, 16.0, 4.0}) at.push_back(1.0 / (step * pieces));
+        }
+    }
     cvs_.assign(1, 0);
-    for (const uint32_t count : counts_)
-        cvs_.push_back(cvs_.back() +
-                       (keeps_vertices_ ? count : uint64_t(kind_.segments(count)) * pieces_ + 1));
+    for (size_t c = 0; c < counts_.size(); ++c) {
+        uint64_t count = counts_[c];
+        if (!keeps_vertices_) {
+            count = std::min<uint64_t>(count, 1);
+            for (uint32_t cubic = 0; cubic < kind_.segments(counts_[c]); ++cubic)
+                count += patterns_[pattern_of(c, cubic)].size() - 1;
+        }
+        cvs_.push_back(cvs_.back() + count);
+    }
+}
+
+bool UsdaCvs::mark_corners(std::span<const double> points) {
+    if (kind_.basis == UsdaCurveBasis::linear) return false;
+    constexpr double near = 1.0 / 64.0, min_angle = 0.1;
+    corners_.resize(joint_count(), 0);
+    for (size_t c = 0; c < curve_count(); ++c)
+        for (uint32_t cubic = 1; cubic < kind_.segments(counts_[c]); ++cubic) {
+            const auto point = [&](const std::array<Vec3d, 4>& p, double t) {
+                return weighted(p, weights_at(kind_.basis, t).value);
+            };
+            const std::array<Vec3d, 4> before = cubic_of(c, cubic - 1, points),
+                                       after = cubic_of(c, cubic, points);
+            const Vec3d in = point(before, 1.0) - point(before, 1.0 - near),
+                        out = point(after, near) - point(after, 0.0);
+            if (in.cross(out).norm() > min_angle * in.dot(out)) corners_[joints_[c] + cubic] = 1;
+        }
+    return std::ranges::any_of(corners_, [](char corner) { return corner != 0; });
 }
 
 std::vector<uint32_t> UsdaCvs::cv_counts() const {
@@ -84,38 +127,75 @@ std::vector<uint32_t> UsdaCvs::cv_counts() const {
     return counts;
 }
 
-uint64_t UsdaCvs::vertex_of(size_t curve, uint32_t cubic, uint32_t i) const {
+// Visits the CVs of a curve with segments.
+template <typename Visit>
+void UsdaCvs::for_cvs(size_t curve, Visit&& visit) const {
+    const uint32_t cubics = kind_.segments(counts_[curve]);
+    uint64_t cv = cvs_[curve];
+    for (uint32_t cubic = 0; cubic < cubics; ++cubic) {
+        const uint32_t pattern = pattern_of(curve, cubic),
+                       steps = uint32_t(patterns_[pattern].size()) - (cubic + 1 < cubics ? 1 : 0);
+        for (uint32_t step = 0; step < steps; ++step) visit(At{cv++, cubic, pattern, step});
+    }
+}
+
+// Vertex i of a cubic as a sum of the file's vertices: add(index over all curves, factor).
+template <typename Add>
+void UsdaCvs::for_vertex(size_t curve, uint32_t cubic, uint32_t i, Add&& add) const {
+    const uint64_t first = vertices_[curve], count = counts_[curve];
     const uint64_t at = uint64_t(cubic) * (kind_.basis == UsdaCurveBasis::bezier ? 3 : 1) + i;
-    return vertices_[curve] + (kind_.wrap == UsdaCurveWrap::periodic ? at % counts_[curve] : at);
+    if (kind_.wrap == UsdaCurveWrap::periodic) return add(first + at % count, 1.0);
+    if (kind_.wrap != UsdaCurveWrap::pinned || kind_.basis == UsdaCurveBasis::bezier)
+        return add(first + at, 1.0);
+    if (at > 0 && at <= count)
+        return add(first + at - 1, 1.0); // usda_curves.cpp: one vertex more at each end
+    const uint64_t end = at == 0 ? 0 : count - 1, next = at == 0 ? 1 : count - 2;
+    add(first + end, 2.0);
+    add(first + next, -1.0);
+}
+
+std::array<Vec3d, 4> UsdaCvs::cubic_of(size_t curve, uint32_t cubic, std::span<const double> points) const {
+    std::array<Vec3d, 4> vertices;
+    for (uint32_t i = 0; i < 4; ++i) {
+        vertices[i].setZero();
+        for_vertex(curve, cubic, i, [&](uint64_t at, double factor) {
+            vertices[i] += factor * Vec3d(points.data() + 3 * at);
+        });
+    }
+    return vertices;
 }
 
 std::vector<double> UsdaCvs::of_vertices(std::span<const double> values, size_t components,
                                          bool discrete) const {
     if (keeps_vertices_) return {values.begin(), values.end()};
-    std::vector<std::array<double, 4>> weights(pieces_ + 1);
-    for (uint32_t k = 0; k <= pieces_; ++k) {
-        if (kind_.basis == UsdaCurveBasis::linear)
-            weights[k] = {k == 0 ? 1.0 : 0.0, k == 0 ? 0.0 : 1.0, 0.0, 0.0};
-        else
-            weights[k] = weights_at(kind_.basis, double(k) / pieces_).value;
-        if (!discrete) continue;
-        const auto most = std::ranges::max_element(weights[k]);
-        for (auto w = weights[k].begin(); w != weights[k].end(); ++w) *w = w == most ? 1.0 : 0.0;
-    }
+    std::array<std::vector<std::array<double, 4>>, 4> weights; // [pattern][step]
+    for (size_t pattern = 0; pattern < patterns_.size(); ++pattern)
+        for (const double t : patterns_[pattern]) {
+            std::array<double, 4>& w = weights[pattern].emplace_back();
+            w = kind_.basis == UsdaCurveBasis::linear
+                    ? std::array{t == 0.0 ? 1.0 : 0.0, t == 0.0 ? 0.0 : 1.0, 0.0, 0.0}
+                    : weights_at(kind_.basis, t).value;
+            if (!discrete) continue;
+            const auto most = std::ranges::max_element(w);
+            for (auto i = w.begin(); i != w.end(); ++i) *i = i == most ? 1.0 : 0.0;
+        }
     std::vector<double> out(cv_count() * components);
     tbb::parallel_for(tbb::blocked_range<size_t>(0, curve_count(), curves_a_task), [&](const auto& range) {
         for (size_t c = range.begin(); c < range.end(); ++c) {
-            const uint32_t cubics = kind_.segments(counts_[c]);
-            for (uint64_t j = 0; j < cvs_[c + 1] - cvs_[c]; ++j) {
-                const auto cubic = uint32_t(std::min<uint64_t>(j / pieces_, cubics - 1));
-                const std::array<double, 4>& w = weights[size_t(j - uint64_t(cubic) * pieces_)];
-                double* to = out.data() + (cvs_[c] + j) * components;
+            if (counts_[c] == 1)
+                std::copy_n(values.data() + vertices_[c] * components, components,
+                            out.data() + cvs_[c] * components);
+            for_cvs(c, [&](const At& at) {
+                const std::array<double, 4>& w = weights[at.pattern][at.step];
+                double* to = out.data() + at.cv * components;
                 for (uint32_t i = 0; i < 4; ++i) {
                     if (w[i] == 0.0) continue; // linear curves have no such vertex
-                    const double* from = values.data() + vertex_of(c, cubic, i) * components;
-                    for (size_t k = 0; k < components; ++k) to[k] += w[i] * from[k];
+                    for_vertex(c, at.cubic, i, [&](uint64_t vertex, double factor) {
+                        const double* from = values.data() + vertex * components;
+                        for (size_t k = 0; k < components; ++k) to[k] += factor * w[i] * from[k];
+                    });
                 }
-            }
+            });
         }
     });
     return out;
@@ -127,17 +207,18 @@ std::vector<double> UsdaCvs::of_joints(std::span<const double> values, size_t co
     std::vector<double> out(cv_count() * components);
     tbb::parallel_for(tbb::blocked_range<size_t>(0, curve_count(), curves_a_task), [&](const auto& range) {
         for (size_t c = range.begin(); c < range.end(); ++c) {
-            const uint64_t joints = joints_[c + 1] - joints_[c], cubics = kind_.segments(counts_[c]);
-            for (uint64_t j = 0; j < cvs_[c + 1] - cvs_[c]; ++j) {
-                const uint64_t cubic = std::min<uint64_t>(j / pieces_, cubics - 1);
-                const double exact = double(j - cubic * pieces_) / pieces_,
-                             t = discrete ? std::round(exact) : exact;
-                const double* a = values.data() + (joints_[c] + cubic) * components;
-                const double* b = values.data() + (joints_[c] + (cubic + 1) % joints) * components;
-                double* to = out.data() + (cvs_[c] + j) * components;
+            const uint64_t joints = joints_[c + 1] - joints_[c];
+            if (counts_[c] == 1 && joints > 0)
+                std::copy_n(values.data() + joints_[c] * components, components,
+                            out.data() + cvs_[c] * components);
+            for_cvs(c, [&](const At& at) {
+                const double exact = patterns_[at.pattern][at.step], t = discrete ? std::round(exact) : exact;
+                const double* a = values.data() + (joints_[c] + at.cubic) * components;
+                const double* b = values.data() + (joints_[c] + (at.cubic + 1) % joints) * components;
+                double* to = out.data() + at.cv * components;
                 for (size_t k = 0; k < components; ++k)
                     to[k] = t == 0.0 ? a[k] : t == 1.0 ? b[k] : a[k] + t * (b[k] - a[k]);
-            }
+            });
         }
     });
     return out;
@@ -155,6 +236,7 @@ UsdaCvs::Deviation UsdaCvs::deviation_of(size_t curve, std::span<const double> p
                                          std::span<const double> cvs) const {
     constexpr int tests = 8;
     const auto at = [](std::span<const double> from, uint64_t i) { return Vec3d(from.data() + 3 * i); };
+    if (cvs_[curve + 1] < cvs_[curve] + 2) return {};
     const uint64_t first = cvs_[curve], last = cvs_[curve + 1] - 1;
     const auto cv = [&](int64_t i) -> Vec3d { // 0: the curve's first; phantom ones at both ends
         if (i < 0) return 2.0 * at(cvs, first) - at(cvs, first + 1);
@@ -164,22 +246,20 @@ UsdaCvs::Deviation UsdaCvs::deviation_of(size_t curve, std::span<const double> p
     double length = 0.0;
     for (uint64_t i = first; i < last; ++i) length += (at(cvs, i + 1) - at(cvs, i)).norm();
     Deviation greatest;
-    for (uint64_t j = 0; j < last - first; ++j) {
-        const auto cubic = uint32_t(j / pieces_);
-        std::array<Vec3d, 4> of_file, drawn;
-        for (uint32_t i = 0; i < 4; ++i) {
-            of_file[i] = at(points, vertex_of(curve, cubic, i));
-            drawn[i] = cv(int64_t(j) + int64_t(i) - 1);
-        }
+    for_cvs(curve, [&](const At& begin) { // each segment from this CV to the next
+        if (begin.cv == last) return;
+        const std::array<Vec3d, 4> of_file = cubic_of(curve, begin.cubic, points);
+        const double t0 = patterns_[begin.pattern][begin.step], t1 = patterns_[begin.pattern][begin.step + 1];
+        std::array<Vec3d, 4> drawn;
+        for (uint32_t i = 0; i < 4; ++i) drawn[i] = cv(int64_t(begin.cv - first) + int64_t(i) - 1);
         for (int k = 1; k < tests; ++k) {
             const double u = double(k) / tests;
             const Vec3d point = weighted(drawn, cubic_basis(MARRAM_CATMULL_ROM, u).value);
             greatest.distance =
-                std::max(greatest.distance,
-                         distance_near(point, of_file, kind_.basis, (double(j % pieces_) + u) / pieces_,
-                                       std::max(1e-9 * length, greatest.distance)));
+                std::max(greatest.distance, distance_near(point, of_file, kind_.basis, t0 + u * (t1 - t0),
+                                                          std::max(1e-9 * length, greatest.distance)));
         }
-    }
+    });
     greatest.share = length > 0.0 ? greatest.distance / length : 0.0;
     return greatest;
 }

@@ -38,8 +38,9 @@ class UsdaScene {
     // Times at which its ops have samples.
     std::vector<double> transform_times(const UsdaPrim& prim) const;
 
+    Place place(size_t at) const { return place_of(path_, bytes_, at); }
     [[noreturn]] void fail(size_t at, const std::string& what, const std::string& fix) const {
-        throw InputError(place_of(path_, bytes_, at), what, fix);
+        throw InputError(place(at), what, fix);
     }
 
   private:

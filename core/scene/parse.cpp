@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/scene/parse.h"
+#include "core/math/text.h"
 #include "core/scene/suggest.h"
 
 #include <algorithm>
@@ -38,6 +39,7 @@ std::string read_file(const std::string& file) {
                              "keep data in files that the scene names");
     }
     if (in.bad()) throw InputError({file}, "the scene file cannot be read to its end", "check the disk");
+    text.erase(0, byte_order_mark(file, text));
     return text;
 }
 

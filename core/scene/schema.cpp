@@ -125,23 +125,41 @@ std::vector<ItemSchema> mesh_types() {
 std::vector<ItemSchema> curves_types() {
     const ParamSpec closed = {"closed", boolean, "", "false",
                               -any,     any,     "", "join the last point to the first"};
-    return {{"points",
-             "a polyline through points",
-             {{"points", points, "m", "", -far, far, "", "[[x, y, z], ...], at least 2"}, closed}},
-            {"file",
-             "the curves of a file",
-             {{"file", file, "", "", -any, any, "",
-               ".obj with l elements; .ply with edges, a strand_id, or one curve; .usda with BasisCurves"},
-              closed}},
-            {"strands",
-             "strands or guides that were groomed elsewhere, with widths, attributes and motion",
-             {{"file", file, "", "", -any, any, "numbered",
-               ".hair; .usda with BasisCurves; .ply with edges, a strand_id, or one curve; .obj with l "
-               "elements; #### is the frame's number"},
-              {"file_frames", range, "frames", "none", -late, late, "",
-               "first and last frame that there is a file of: strands move straight from frame to frame; all "
-               "are read"},
-              {"transform", keys, "", "{}", -any, any, "", "as of meshes"}}}};
+    const ParamSpec prims = {
+        "prims",
+        texts,
+        "",
+        "[]",
+        -any,
+        any,
+        "",
+        "of a .usda: paths or names of the prims to read, with what is below them, guides, proxies "
+        "and invisible ones too; default: all that are meant to be seen"};
+    return {
+        {"points",
+         "a polyline through points",
+         {{"points", points, "m", "", -far, far, "", "[[x, y, z], ...], at least 2"}, closed}},
+        {"file",
+         "the curves of a file",
+         {{"file", file, "", "", -any, any, "",
+           ".obj with l elements; .ply with edges, a strand_id, or one curve; .usda with BasisCurves"},
+          prims,
+          closed}},
+        {"strands",
+         "strands or guides that were groomed elsewhere, with widths, attributes and motion",
+         {{"file", file, "", "", -any, any, "numbered",
+           ".hair; .usda with BasisCurves; .ply with edges, a strand_id, or one curve; .obj with l "
+           "elements; #### is the frame's number"},
+          {"file_frames", range, "frames", "none", -late, late, "",
+           "first and last frame that there is a file of: strands move straight from frame to frame; all "
+           "are read"},
+          prims,
+          {"cvs_per_strand", integer, "", "none", 2, 1e6, "",
+           "of a .ply of points with neither edges nor a strand_id: points of each strand, one strand after "
+           "the "
+           "other; default: all are one strand"},
+          {"reverse", boolean, "", "false", -any, any, "", "the strands of the file run from tip to root"},
+          {"transform", keys, "", "{}", -any, any, "", "as of meshes"}}}};
 }
 
 } // namespace

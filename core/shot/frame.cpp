@@ -153,6 +153,7 @@ void check_layers(const Shot& shot, const std::vector<std::string>& more, const 
 }
 
 World build_frame(Frame& frame, KeptGeometry kept) {
+    select_takes(frame.shot, frame.files.frame);
     frame.settings = render_settings(frame.shot, frame.files.frame);
     frame.settings.seconds = frame.options.seconds;
     BuildSettings settings = build_settings(frame.shot, frame.files.frame);

@@ -119,15 +119,10 @@ class FileWarnings {
     std::set<std::string> reported_;
 };
 
-void check_same_strands(const std::string& file, const StrandFile& strands, const std::string& first_file,
-                        const StrandFile& first) {
-    const std::string fix = "strands that move keep their CVs: export every frame from the same groom";
-    if (strands.counts != first.counts)
-        throw InputError({file},
-                         fmt::format("has {} strands of {} CVs that are not those of '{}', {} of {}",
-                                     strands.counts.size(), strands.samples.front().points.size(), first_file,
-                                     first.counts.size(), first.samples.front().points.size()),
-                         fix);
+// Refuses files that cannot be the same strands at different frames, whatever their counts.
+void check_same_kind(const std::string& file, const StrandFile& strands, const std::string& first_file,
+                     const StrandFile& first) {
+    const std::string fix = "export every frame from the same groom";
     if (strands.basis != first.basis)
         throw InputError({file}, fmt::format("its curve basis differs from that of '{}'", first_file), fix);
     if (strands.samples.front().widths.empty() != first.samples.front().widths.empty())
@@ -135,59 +130,131 @@ void check_same_strands(const std::string& file, const StrandFile& strands, cons
                          fix);
 }
 
-SceneCurves load_strands(const Item& item, double fps, const std::atomic<bool>& cancel,
-                         std::vector<std::string>& all_warnings) {
-    const auto files = numbered_files(item);
-    const std::string& first_file = files.front().second;
-    StrandFile first = load_strand_file(first_file, fps);
-    FileWarnings warnings(all_warnings);
-    for (const std::string& warning : first.warnings) warnings.add(first_file, warning);
-    SceneCurves curves;
-    curves.name = item.name;
-    curves.basis = first.basis;
-    const ParamValue& keys = item.params.at("transform");
-    curves.transform = KeyedTransform(keys.numbers, keys.text);
-    curves.offsets.reserve(first.counts.size() + 1);
-    for (const uint32_t count : first.counts) curves.offsets.push_back(curves.offsets.back() + count);
-    curves.closed.assign(first.counts.size(), 0);
-    if (files.size() == 1) {
+std::vector<uint64_t> offsets_of(const StrandFile& strands) {
+    std::vector<uint64_t> offsets{0};
+    offsets.reserve(strands.counts.size() + 1);
+    for (const uint32_t count : strands.counts) offsets.push_back(offsets.back() + count);
+    return offsets;
+}
+
+// The files of one item, read one after the other.
+class StrandSequence {
+  public:
+    StrandSequence(const Item& item, double fps, const std::atomic<bool>& cancel,
+                   std::vector<std::string>& warnings)
+        : files_(numbered_files(item)), cancel_(cancel), warnings_(warnings) {
+        const ParamSet& params = item.params;
+        reading_ = {fps, params.at("prims").texts,
+                    params.has("cvs_per_strand") ? uint32_t(params.integer("cvs_per_strand")) : 0,
+                    params.boolean("reverse")};
+    }
+    void read(SceneCurves& curves);
+
+  private:
+    StrandFile load(size_t i);
+    bool add_samples(StrandFile& first, SceneCurves& curves);
+    void add_take(double frame, const std::string& file, StrandFile strands, SceneCurves& curves);
+
+    std::vector<std::pair<double, std::string>> files_;
+    const std::atomic<bool>& cancel_;
+    FileWarnings warnings_;
+    StrandReading reading_;
+};
+
+StrandFile StrandSequence::load(size_t i) {
+    if (cancel_.load()) throw Cancelled{};
+    StrandFile strands = load_strand_file(files_[i].second, reading_);
+    for (const std::string& warning : strands.warnings) warnings_.add(files_[i].second, warning);
+    return strands;
+}
+
+// Strands that are the same at all frames and move from one to the next. False if their counts change.
+bool StrandSequence::add_samples(StrandFile& first, SceneCurves& curves) {
+    curves.offsets = offsets_of(first);
+    if (files_.size() == 1) {
         for (const StrandSample& sample : first.samples)
             curves.samples.push_back({sample.frame, vertices_of(sample, curves.offsets)});
     } else {
-        curves.samples.push_back({files[0].first, vertices_of(first.samples.front(), curves.offsets)});
+        curves.samples.push_back({files_[0].first, vertices_of(first.samples.front(), curves.offsets)});
         if (first.samples.size() > 1)
-            warnings.add(first_file,
-                         "has motion samples: only the first sample of each file of file_frames is used");
+            warnings_.add(files_[0].second,
+                          "has motion samples: only the first sample of each file of file_frames is used");
     }
-    for (size_t i = 1; i < files.size(); ++i) {
-        if (cancel.load()) throw Cancelled{};
-        const auto& [frame, file] = files[i];
-        const StrandFile strands = load_strand_file(file, fps);
-        check_same_strands(file, strands, first_file, first);
-        for (const std::string& warning : strands.warnings) warnings.add(file, warning);
+    for (size_t i = 1; i < files_.size(); ++i) {
+        const auto& [frame, file] = files_[i];
+        const StrandFile strands = load(i);
+        check_same_kind(file, strands, files_[0].second, first);
+        if (strands.counts != first.counts) return false;
         for (const AttributeValues& attribute : first.attributes) {
             const AttributeValues* same = find_attribute(strands.attributes, attribute.name);
             if (!same || same->values != attribute.values)
-                warnings.add(file, fmt::format("\"{}\" is not as in the first file, whose values are taken",
-                                               attribute.name));
+                warnings_.add(file, fmt::format("\"{}\" is not as in the first file, whose values are taken",
+                                                attribute.name));
         }
         curves.samples.push_back({frame, vertices_of(strands.samples.front(), curves.offsets)});
     }
+    curves.closed.assign(first.counts.size(), 0);
     const bool is_static = curves.samples.size() == 1;
     curves.vertices =
         is_static ? std::move(curves.samples.front().vertices) : curves.samples.front().vertices;
     if (is_static) curves.samples.clear();
     curves.attributes = std::move(first.attributes);
-    return curves;
+    return true;
+}
+
+// All takes have the attributes of the first.
+void StrandSequence::add_take(double frame, const std::string& file, StrandFile strands,
+                              SceneCurves& curves) {
+    CurvesTake take{frame, offsets_of(strands), {}, {}};
+    take.vertices = vertices_of(strands.samples.front(), take.offsets);
+    const auto& wanted = curves.takes.empty() ? strands.attributes : curves.takes.front().attributes;
+    for (const AttributeValues& one : wanted) {
+        const AttributeValues* same = find_attribute(strands.attributes, one.name);
+        if (!same || same->components != one.components || same->rate != one.rate)
+            throw InputError({file},
+                             fmt::format("its strands have no \"{}\" as those of the first frame", one.name),
+                             "export every frame from the same groom");
+        take.attributes.push_back(*same);
+    }
+    curves.takes.push_back(std::move(take));
+}
+
+void StrandSequence::read(SceneCurves& curves) {
+    StrandFile first = load(0);
+    curves.basis = first.basis;
+    if (files_.size() == 1 && !first.takes.empty()) {
+        for (StrandFile& take : first.takes) {
+            const double frame = take.samples.front().frame; // read before the take is moved
+            add_take(frame, files_[0].second, std::move(take), curves);
+        }
+    } else if (!add_samples(first, curves)) {
+        curves.samples.clear();
+        for (size_t i = 0; i < files_.size(); ++i) {
+            StrandFile strands = load(i);
+            check_same_kind(files_[i].second, strands, files_[0].second, first);
+            add_take(files_[i].first, files_[i].second, std::move(strands), curves);
+        }
+    }
+    if (curves.takes.empty()) return;
+    warnings_.add(files_[0].second,
+                  "its strands or CVs change over time: each frame has those of its time, without "
+                  "motion blur of their own");
+    curves.offsets = {0};
+    curves.select_take(curves.takes.front().frame);
 }
 
 } // namespace
 
 SceneCurves load_scene_curves(const Item& item, double fps, const std::atomic<bool>& cancel,
                               std::vector<std::string>& warnings) {
-    if (item.type == "strands") return load_strands(item, fps, cancel, warnings);
     SceneCurves curves;
     curves.name = item.name;
+    if (item.type == "strands") {
+        const ParamValue& keys = item.params.at("transform");
+        curves.transform = KeyedTransform(keys.numbers, keys.text);
+        StrandSequence(item, fps, cancel, warnings).read(curves);
+        return curves;
+    }
     const bool closed = item.params.boolean("closed");
     const auto add = [&](const std::vector<Vec3d>& points, bool ring, const Place& place) {
         if (points.size() < 2) throw InputError(place, "a curve has fewer than 2 points", "give 2 or more");
@@ -195,7 +262,11 @@ SceneCurves load_scene_curves(const Item& item, double fps, const std::atomic<bo
     };
     if (item.type == "file") {
         const std::string& file = item.params.text("file");
-        for (const Polyline& line : load_polylines(file)) add(line.points, line.closed, {file});
+        std::vector<std::string> left_out;
+        for (const Polyline& line : load_polylines(file, item.params.at("prims").texts, &left_out))
+            add(line.points, line.closed, {file});
+        FileWarnings of_file(warnings);
+        for (const std::string& warning : left_out) of_file.add(file, warning);
     } else {
         const ParamValue& value = item.params.at("points");
         std::vector<Vec3d> points;

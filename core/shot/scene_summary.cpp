@@ -44,11 +44,13 @@ std::string scene_summary(Shot& shot, const std::atomic<bool>& cancel) {
                                  : "",
             instances > 0 ? fmt::format(", {} instance{}", instances, instances > 1 ? "s" : "") : "");
     }
+    select_takes(shot, shot.description.globals.vec2("frames").x());
     for (const SceneCurves& curves : shot.geometry.curves) {
         static constexpr const char* drawn[] = {"B-splines", "Catmull-Rom curves", "polylines"};
         text += fmt::format("curves {}: {} {}, {} CVs in all{}{}\n", curves.name, curves.closed.size(),
                             drawn[curves.basis], curves.offsets.back(),
                             !curves.samples.empty() ? fmt::format(", {} samples", curves.samples.size())
+                            : !curves.takes.empty() ? fmt::format(", one of {} takes", curves.takes.size())
                             : curves.moves()        ? ", moves"
                                                     : "",
                             curves.attributes.empty() ? "" : ", with");

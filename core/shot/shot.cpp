@@ -5,6 +5,7 @@
 #include "core/shot/scene_meshes.h"
 #include "core/shot/texture.h"
 
+#include "core/geometry/geometry_graph.h"
 #include "core/scene/libraries.h"
 
 #include <fmt/format.h>
@@ -230,6 +231,15 @@ Shot load_shot(const std::string& file, const Overrides& overrides, const std::a
         shot.lights.push_back(SkyLight{});
     }
     return shot;
+}
+
+void select_takes(Shot& shot, double frame) {
+    GeometryChanges changes;
+    for (SceneCurves& curves : shot.geometry.curves)
+        if (curves.select_take(frame)) changes[curves.name] = MARRAM_EVERYTHING;
+    if (changes.empty()) return;
+    update_procedurals(shot.geometry.procedurals, shot.description.procedurals, shot.description.wind,
+                       changes);
 }
 
 std::vector<std::string> files_read(const Shot& shot, const std::string& file) {

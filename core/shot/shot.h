@@ -53,6 +53,10 @@ struct Overrides {
 // all mistakes found.
 Shot load_shot(const std::string& file, const Overrides& overrides, const std::atomic<bool>& cancel);
 
+// To be called before the world of a frame is built: strands that change in number become those of the frame, and
+// procedurals that use them are told. Throws InputError if one of these rejects them.
+void select_takes(Shot& shot, double frame);
+
 // Paths of the scene file and of all files that it names.
 std::vector<std::string> files_read(const Shot& shot, const std::string& file);
 

@@ -5,6 +5,7 @@
 #include "procedural/wind/skin.h"
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 
 namespace marram {
@@ -72,24 +73,36 @@ Binding bind_strands(const LentCurves& curves, const float* vertices, const Surf
     // of half an ulp.
     binding.rounding =
         0x1p-21 * std::max(query.box.min().cwiseAbs().maxCoeff(), query.box.max().cwiseAbs().maxCoeff());
+    std::atomic<uint64_t> reversed{0};
     marram::parallel_for(tbb::blocked_range<uint64_t>(0, curves.count(), 256), [&](const auto& range) {
         if (cancelled()) return;
         uint32_t hint = no_triangle; // triangle of the previous strand, which is usually close
-        for (uint64_t c = range.begin(); c < range.end(); ++c) {
-            const Vec3d root = cv_at(vertices + 4 * (curves.first_vertex(c) + 1));
+        uint32_t tip_hint = no_triangle;
+        const auto foot_of = [&](const Vec3d& point, uint32_t& near) {
             // No triangle is farther away than this.
             const double reach =
-                (query.box.exteriorDistance(root) + query.box.diagonal().norm()) * (1.0 + 1e-9);
+                (query.box.exteriorDistance(point) + query.box.diagonal().norm()) * (1.0 + 1e-9);
             SkinPoint foot{};
-            closest_skin_point(query.colliders, query.mesh, root, /*facing: any*/ Vec3d::Zero(), reach, hint,
+            closest_skin_point(query.colliders, query.mesh, point, /*facing: any*/ Vec3d::Zero(), reach, near,
                                foot);
-            hint = foot.triangle;
+            near = foot.triangle;
+            return foot;
+        };
+        for (uint64_t c = range.begin(); c < range.end(); ++c) {
+            const float* cvs = vertices + 4 * (curves.first_vertex(c) + 1);
+            const Vec3d root = cv_at(cvs);
+            const SkinPoint foot = foot_of(root, hint);
             binding.root_bindings[c] = {weights_of(bind.corners(foot.triangle), foot.point), foot.triangle,
                                         float((root - foot.point).norm()),
                                         float(root_height(root, foot.point, foot.normal, binding.rounding))};
+            const double near = far_share * curve_length(cvs, curves.cvs(c)) + binding.rounding;
+            if ((root - foot.point).norm() <= near) continue;
+            const Vec3d tip = cv_at(cvs + 4 * (curves.cvs(c) - 1));
+            if ((tip - foot_of(tip, tip_hint).point).norm() <= near) ++reversed;
         }
     });
     if (cancelled()) return binding;
+    binding.reversed = reversed;
     for (uint64_t c = 0; c < curves.count(); ++c) {
         const double height = double(binding.root_bindings[c].height),
                      distance = double(binding.root_bindings[c].distance);

@@ -33,6 +33,8 @@ struct Binding {
     // strands without length.
     double greatest_distance = 0.0, mean_distance = 0.0, deepest = 0.0;
     uint64_t far = 0, inside = 0, no_length = 0;
+    uint64_t reversed =
+        0; // of `far`: number of strands that end on the surface, within a tenth of their length
 };
 
 // `vertices`: of the curves in the bind pose. `bind` must have a triangle with an area. Of equally close

@@ -212,7 +212,14 @@ void check_widths(const ImportInstance& instance) {
 void warn_of_binding(const ImportInstance& instance) {
     const Binding& binding = instance.binding;
     const std::string& mesh = instance.settings.mesh;
-    if (binding.far > 0)
+    if (2 * binding.reversed > binding.far)
+        instance.warn(
+            "strands.reversed",
+            fmt::format("{} of {} strands end on '{}' and begin up to {:.3g} m away from it: they run from "
+                        "tip to root, and their tips are held",
+                        binding.reversed, binding.root_bindings.size(), mesh, binding.greatest_distance),
+            "give their curves reverse = true");
+    else if (binding.far > 0)
         instance.warn(
             "strands.far",
             fmt::format("{} of {} strands begin farther from '{}' than a tenth of their length, up to "

@@ -268,9 +268,9 @@ constexpr std::array dune_solver_values = {
     MarramParam{"shape", MARRAM_NUMBER, "", "3", 0.5, 100, "",
                 "shape of the Weibull distribution of shear velocity; larger: less variation"},
     MarramParam{"hold", MARRAM_NUMBER, "h", "24", 1e-3, 1e6, "", "how long a chaotic wind stays as it is"},
-    MarramParam{
-        "record", MARRAM_TABLE, "", "none", 0, 0, "time|speed|direction",
-        "CSV of a measured wind: time (h), speed (m/s at 10 m), direction (deg from north, from which)"},
+    MarramParam{"record", MARRAM_TABLE, "", "none", 0, 0, "time|speed|direction",
+                "CSV of a measured wind: columns time (h), speed (m/s at 10 m), direction (deg from north, "
+                "from which)"},
     MarramParam{"wind_along", MARRAM_CURVES_NAME, "", "none", 0, 0, "",
                 "curves that the wind follows, turned by up to 30 degrees"},
     MarramParam{"wind_reach", MARRAM_NUMBER, "m", "50", 1e-3, 1e6, "",
@@ -312,6 +312,17 @@ double dune_shear_velocity(const LayerContext& context) {
     return shear_velocity_of(speed);
 }
 
+// A column's name without its unit, "speed" of "speed (m/s)" or "speed [m/s]", and the unit; "" if it has none.
+std::pair<std::string_view, std::string_view> name_and_unit(std::string_view header) {
+    const auto trimmed = [](std::string_view text) {
+        text.remove_prefix(std::min(text.find_first_not_of(' '), text.size()));
+        return text.substr(0, text.find_last_not_of(' ') + 1);
+    };
+    const size_t open = std::min(header.find_first_of("(["), header.size());
+    const std::string_view unit = header.substr(std::min(open + 1, header.size()));
+    return {trimmed(header.substr(0, open)), trimmed(unit.substr(0, unit.find_last_of(")]")))};
+}
+
 // Reads the record's columns by name; time in seconds.
 WindRecord dune_record(const LayerContext& context) {
     const LayerValues& values = context.values;
@@ -327,18 +338,24 @@ WindRecord dune_record(const LayerContext& context) {
         names.emplace_back(text.substr(0, comma));
         text.remove_prefix(std::min(comma + 1, text.size()));
     }
-    const auto column = [&](const std::string& name) {
-        const auto found = std::find(names.begin(), names.end(), name);
+    constexpr const char* needed = "it needs time (h), speed (m/s) and direction (deg)";
+    const auto column = [&](std::string_view name, std::initializer_list<std::string_view> units) {
+        const auto found = std::ranges::find(
+            names, name, [](const std::string& header) { return name_and_unit(header).first; });
         if (found == names.end())
             throw SceneFault("terrain.wind_record", place,
-                             fmt::format("the record has no column '{}', but {}", name, value.text),
-                             "it needs time (h), speed (m/s) and direction (deg), without units");
+                             fmt::format("the record has no column '{}', but {}", name, value.text), needed);
+        const std::string_view unit = name_and_unit(*found).second;
+        if (!unit.empty() && std::ranges::find(units, unit) == units.end())
+            throw SceneFault("terrain.wind_record", place,
+                             fmt::format("the record's column '{}' is in another unit", *found), needed);
         std::vector<double> list(grid.ny);
         for (uint32_t row = 0; row < grid.ny; ++row)
             list[row] = double(grid.values[size_t(row) * grid.nx + size_t(found - names.begin())]);
         return list;
     };
-    WindRecord record{column("time"), column("speed"), column("direction")};
+    WindRecord record{column("time", {"h", "hours"}), column("speed", {"m/s"}),
+                      column("direction", {"deg", "degrees", "\u00b0"})};
     // Of the table's numbers, hours.
     const double resolution = std::max(std::abs(record.time.front()), std::abs(record.time.back())) * 0x1p-23;
     for (double& time : record.time) time *= seconds_per_hour;

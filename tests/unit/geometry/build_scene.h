@@ -88,6 +88,10 @@ class TestScene {
         update_procedurals(geometry.procedurals, description_.procedurals, description_.wind, changes);
         return changes;
     }
+    // Tells the procedurals that curves or meshes have changed.
+    void update(GeometryChanges changes) {
+        update_procedurals(geometry.procedurals, description_.procedurals, description_.wind, changes);
+    }
     // Makes the procedurals of `text` anew, with the attributes that geometry.curves carry now.
     void tell_attributes(const std::string& text) {
         description_ = load_scene(write_scene(text), {}, schema_);

@@ -39,7 +39,7 @@ struct StrandFiles : ::testing::Test {
         return {std::istreambuf_iterator<char>(file), {}};
     }
     StrandFile load(const std::string& name, const std::string& bytes) const {
-        return load_strand_file(write(name, bytes), 24.0);
+        return load_strand_file(write(name, bytes), {24.0});
     }
     // The error for a refused file; "" if it is read.
     std::string refusal(const std::string& name, const std::string& bytes) const {
@@ -64,7 +64,7 @@ struct StrandFiles : ::testing::Test {
             const std::string cut = bytes.substr(0, size);
             try {
                 if (name.ends_with(".usda"))
-                    read_usda_strands(name, cut, 24.0);
+                    read_usda_strands(name, cut, {24.0});
                 else if (name.ends_with(".ply"))
                     read_ply_strands(name, cut);
                 else if (name.ends_with(".obj"))
@@ -276,16 +276,16 @@ TEST_F(StrandFiles, HairRefusesInOneLine) {
     huge.points = 8;
     huge.default_thickness = INFINITY;
     expect_refusal("a.hair", hair(huge) + std::string(96, '\0'), "thickness is not finite");
-    EXPECT_THROW(load_strand_file(folder.string() + "/none.hair", 24.0), InputError);
+    EXPECT_THROW(load_strand_file(folder.string() + "/none.hair", {24.0}), InputError);
     fs::create_directories(folder / "folder.hair");
-    EXPECT_THROW(load_strand_file(path("folder.hair"), 24.0), InputError);
+    EXPECT_THROW(load_strand_file(path("folder.hair"), {24.0}), InputError);
     expect_refusal("a.abc", "Ogawa", "are not known");
 }
 
 TEST_F(StrandFiles, HairReadsOurOwnBakes) {
     const Groom groom;
     write_hair(path("a.hair"), std::span(&groom.geometry, 1));
-    const StrandFile strands = load_strand_file(path("a.hair"), 24.0);
+    const StrandFile strands = load_strand_file(path("a.hair"), {24.0});
     EXPECT_EQ(strands.counts, groom.counts);
     EXPECT_EQ(cvs_of(strands.samples.at(0)), groom.cvs());
 }
@@ -293,7 +293,7 @@ TEST_F(StrandFiles, HairReadsOurOwnBakes) {
 TEST(RealStrands, Load) {
     const fs::path data = fs::path(MARRAM_SOURCE_DIR) / ".." / "shared/data";
     if (!fs::exists(data)) GTEST_SKIP() << "no ../shared/data";
-    const StrandFile strands = load_strand_file((data / "Bangs_100.hair").string(), 24.0);
+    const StrandFile strands = load_strand_file((data / "Bangs_100.hair").string(), {24.0});
     EXPECT_EQ(strands.counts.size(), 100u);
     EXPECT_EQ(strands.samples.at(0).points.size(), 1165u);
     EXPECT_TRUE(strands.samples[0].widths.empty());
@@ -316,7 +316,7 @@ TEST_F(StrandFiles, UsdaReadsOurOwnBakes) {
     for (const MarramBasis basis : {MARRAM_BSPLINE, MARRAM_CATMULL_ROM}) {
         const Groom groom(basis);
         write_usda(path("a.usda"), std::span(&groom.geometry, 1), 1.0, 24.0);
-        const StrandFile strands = load_strand_file(path("a.usda"), 24.0);
+        const StrandFile strands = load_strand_file(path("a.usda"), {24.0});
         EXPECT_EQ(strands.counts, groom.counts);
         EXPECT_EQ(strands.basis, basis);
         EXPECT_EQ(strands.deviation, 0.0);
@@ -573,16 +573,6 @@ TEST_F(StrandFiles, UsdaAnimates) {
     EXPECT_EQ(load("a.usda", usda(kind("linear", "nonperiodic") + "int[] curveVertexCounts = [2]\n" + still))
                   .samples.size(),
               1u);
-    expect_refusal("a.usda",
-                   usda(kind("linear", "nonperiodic") + "int[] curveVertexCounts = [2]\n"
-                                                        "point3f[] points.timeSamples = { 1: [(0, 0, 0), (1, "
-                                                        "0, 0)], 2: [(0, 0, 0), (1, 0, 0), (2, 0, 0)] }\n"),
-                   "has 3 points at time 2 and 2 before");
-    expect_refusal("a.usda",
-                   usda(kind("linear", "nonperiodic") +
-                        "point3f[] points = [(0, 0, 0), (1, 0, 0)]\n"
-                        "int[] curveVertexCounts.timeSamples = { 1: [2], 2: [1, 1] }\n"),
-                   "vertex counts that change over time");
 }
 
 // Rotations between two samples of a transform are resampled, including whole turns.
@@ -660,10 +650,6 @@ TEST_F(StrandFiles, UsdaJoinsPrims) {
     EXPECT_EQ(attribute(strands, "z").values, (std::vector<float>{5, 0}));
     for (const char* what : {"\"widths\"", "\"y\"", "\"z\""}) EXPECT_TRUE(told(strands, what)) << what;
     EXPECT_EQ(strands.warnings.size(), 3u);
-    expect_refusal("a.usda", head + prim("a", pinned) + prim("b", kind("catmullRom", "pinned") + two),
-                   "split the file");
-    expect_refusal("a.usda", head + prim("a", pinned) + prim("b", kind("linear", "pinned") + two),
-                   "are polylines, those before are B-splines");
     expect_refusal("a.usda",
                    head + prim("a", pinned + "float primvars:x = 1\n") +
                        prim("b", pinned + "float2 primvars:x = (1, 2)\n"),
@@ -685,11 +671,12 @@ TEST_F(StrandFiles, UsdaRefusesInOneLine) {
     bare("int[] curveVertexCounts = [2]\n", "have no points");
     bare("int[] curveVertexCounts = [3]\npoint3f[] points = [(0, 0, 0), (1, 0, 0)]\n", "add up to 3");
     bare("int[] curveVertexCounts = [9223372036854775807]\npoint3f[] points = [(0, 0, 0), (1, 0, 0)]\n",
-         "vertices");
+         "beyond the range of its type");
     bare("int[] curveVertexCounts = [2]\npoint3f[] points = [(0, 0, nan), (1, 0, 0)]\n",
          "not three finite numbers");
     bare("int[] curveVertexCounts = [2]\npoint3f[] points = [(0, 0, 2e8), (1, 0, 0)]\n", "beyond 1e8");
-    bare("int[] curveVertexCounts = [1, 1]\npoint3f[] points = [(0, 0, 0), (1, 0, 0)]\n", "has 1 vertices");
+    bare("int[] curveVertexCounts = [1, 1]\npoint3f[] points = [(0, 0, 0), (1, 0, 0)]\n",
+         "has no strand of two points");
     curves("float[] widths = [1, 2, 3]\n", "has 3 widths");
     curves("float[] widths = [1, nan]\n", "width 1 of");
     curves("float[] widths = [1, -1]\n", "width 1 of");
@@ -834,7 +821,7 @@ TEST_F(StrandFiles, ObjLines) {
 TEST_F(StrandFiles, ObjReadsOurOwnBakes) {
     const Groom groom;
     write_curves_obj(path("a.obj"), std::span(&groom.geometry, 1));
-    const StrandFile strands = load_strand_file(path("a.obj"), 24.0);
+    const StrandFile strands = load_strand_file(path("a.obj"), {24.0});
     EXPECT_EQ(strands.counts, groom.counts);
     std::vector<float> expected = groom.cvs();
     for (size_t i = 3; i < expected.size(); i += 4) expected[i] = -1.0F; // widths are lost
@@ -851,7 +838,7 @@ TEST_F(StrandFiles, PlyReadsOurOwnBakes) {
     other.geometry.attributes.erase(other.geometry.attributes.begin() + 2); // twist
     const CurveGeometry both[] = {groom.geometry, other.geometry};
     write_curves(path("a.ply"), both, 1.0, 24.0);
-    const StrandFile strands = load_strand_file(path("a.ply"), 24.0);
+    const StrandFile strands = load_strand_file(path("a.ply"), {24.0});
     EXPECT_EQ(strands.counts, (std::vector<uint32_t>{5, 2, 3, 5, 2, 3}));
     std::vector<float> cvs = groom.cvs(), more = other.cvs();
     cvs.insert(cvs.end(), more.begin(), more.end());
@@ -903,7 +890,7 @@ TEST_F(StrandFiles, UsdaReadsOurOwnSequences) {
         sequence.commit();
     }
     EXPECT_EQ(std::distance(fs::directory_iterator(folder), fs::directory_iterator()), 1);
-    const StrandFile strands = load_strand_file(path("a.usda"), 50.0);
+    const StrandFile strands = load_strand_file(path("a.usda"), {50.0});
     ASSERT_EQ(strands.samples.size(), frames.size());
     for (size_t i = 0; i < frames.size(); ++i) {
         EXPECT_EQ(strands.samples[i].frame, 2.0 * frames[i]); // 25 time codes a second in the file
@@ -937,7 +924,7 @@ TEST_F(StrandFiles, UsdaReadsOurOwnSequences) {
     int read = 0; // prefixes: at most the whole without its last line end is read
     for (size_t size = 0; size < text.size(); size += 1 + size % 7) {
         try {
-            read_usda_strands("cut.usda", std::string_view(text).substr(0, size), 24.0);
+            read_usda_strands("cut.usda", std::string_view(text).substr(0, size), {24.0});
             ++read;
         } catch (const InputError&) {
         }
@@ -955,7 +942,7 @@ TEST_F(StrandFiles, UsdaSequencesThatRestOrChange) {
     const std::string text = get("rest.usda");
     EXPECT_EQ(text.find("timeSamples"), std::string::npos);
     EXPECT_EQ(text.find("velocities"), std::string::npos);
-    EXPECT_EQ(cvs_of(load_strand_file(path("rest.usda"), 24.0).samples.at(0)), groom.cvs());
+    EXPECT_EQ(cvs_of(load_strand_file(path("rest.usda"), {24.0}).samples.at(0)), groom.cvs());
     // A sequence of one frame equals the output of write_usda().
     write_usda(path("one.usda"), std::span(&groom.geometry, 1), 3.0, 24.0);
     {

@@ -560,6 +560,53 @@ TEST(Strands, BesideTheBorderOfAnOpenSkinStayWhereTheyAre) {
         << scene.stats.warnings[0];
 }
 
+// From tip to root: they end on the skin, and that is what the warning says.
+TEST(Strands, ThatEndOnTheSkinAreSeenAsReversed) {
+    TestScene scene(mesh("ground", "plane", "size = [4, 4]\n") + drawn + strands("on = \"ground\"\n"));
+    scene.geometry.curves[0] = SceneCurves{};
+    scene.geometry.curves[0].name = "file";
+    for (size_t c = 0; c < 10; ++c) {
+        const Vec3d root = on_ground(c).first;
+        std::vector<Vec3d> points = {root + Vec3d(0, 1, 0), root + Vec3d(0, 0.5, 0), root};
+        if (c == 0) std::ranges::reverse(points); // as it should be
+        scene.geometry.curves[0].add(points, false);
+        for (size_t v = scene.geometry.curves[0].vertices.size() - 20;
+             v < scene.geometry.curves[0].vertices.size(); v += 4)
+            scene.geometry.curves[0].vertices[v + 3] = 0.01F;
+    }
+    scene.build();
+    ASSERT_EQ(scene.stats.warnings.size(), 1u);
+    EXPECT_NE(scene.stats.warnings[0].find(
+                  "9 of 10 strands end on 'ground' and begin up to 1 m away from it: they run from "
+                  "tip to root, and their tips are held: give their curves reverse = true"),
+              std::string::npos)
+        << scene.stats.warnings[0];
+}
+
+// Curves that change in number: each frame has its take, bound anew, and the same frame is the same again.
+TEST(Strands, ChangeInNumberFromTakeToTake) {
+    TestScene scene(mesh("ground", "plane", "size = [4, 4]\n") + drawn + strands("on = \"ground\"\n"));
+    SceneCurves& file = scene.geometry.curves[0];
+    file = irregular_curves(3, on_ground);
+    const auto take = [](double frame, size_t count) {
+        SceneCurves curves = irregular_curves(count, on_ground);
+        return CurvesTake{frame, curves.offsets, curves.vertices, {}};
+    };
+    file.takes = {take(1.0, 3), take(2.0, 0), take(3.0, 5)};
+    const auto count_at = [&](double frame) {
+        if (file.select_take(frame)) scene.update({{"file", MARRAM_EVERYTHING}});
+        scene.settings.frame = frame;
+        scene.settings.shutter_close = 0.5;
+        const World world = scene.build();
+        EXPECT_EQ(world.curves[0].offsets.empty() ? 0 : world.curves[0].offsets.back(), file.offsets.back());
+        return world.curves[0].curve_count;
+    };
+    EXPECT_EQ(count_at(0.0), 3u);
+    EXPECT_EQ(count_at(2.5), 0u);
+    EXPECT_EQ(count_at(7.0), 5u);
+    EXPECT_EQ(count_at(1.0), 3u);
+}
+
 // Lodging: wind blows down onto the ground, which no CV may enter.
 TEST(Strands, DoNotEnterTheSkin) {
     TestScene scene(mesh("ground", "plane", "size = [4, 4]\n") + drawn +

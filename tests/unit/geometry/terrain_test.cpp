@@ -616,8 +616,9 @@ TEST(Terrain, WindsOfTheSolverDiffer) {
 
 TEST(Terrain, RecordsOfWindAreChecked) {
     const std::string file = ::testing::TempDir() + "marram_wind_" + std::to_string(::getpid()) + ".csv";
+    std::string header = "time,speed,direction";
     const auto said = [&](const std::string& rows, const std::string& wind = "wind = \"record\"\n") {
-        std::ofstream(file) << "time,speed,direction\n" << rows;
+        std::ofstream(file) << header << "\n" << rows;
         std::string text;
         try {
             TestScene scene(evolving(wind + "record = \"" + file + "\""));
@@ -642,6 +643,11 @@ TEST(Terrain, RecordsOfWindAreChecked) {
     EXPECT_TRUE(has(said("0,9,999\n1,9,260\n"), "entry 1: direction beyond 720 degrees"));
     EXPECT_TRUE(has(said("0,9,270\n1,8,260\n", ""), "the record has no effect: the wind is steady"));
     EXPECT_TRUE(has(said("0,2,270\n1,1,260\n"), "use a record of stronger wind"));
+    header = "time (h); speed [m/s]; direction (deg)";
+    EXPECT_EQ(said("0;9;270\n1;8;260\n2;9;250\n"), "");
+    header = "time,speed (km/h),direction";
+    EXPECT_TRUE(
+        has(said("0,9,270\n1,8,260\n"), "'speed (km/h)' is in another unit: it needs time (h), speed (m/s)"));
     std::filesystem::remove(file);
 }
 

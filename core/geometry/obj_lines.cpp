@@ -1,23 +1,23 @@
 // SPDX-License-Identifier: Apache-2.0
-// Reads strands from Wavefront OBJ files: vertices (v), and lines through them (l). Numbers are parsed here
-// to the nearest float; tinyobjloader is off by up to a unit in the last place.
+// Numbers are parsed here: tinyobjloader reads what it cannot parse as 0, wraps large indices, drops what stands behind
+// a number, and is off by up to a unit in the last place.
+#include "core/geometry/obj_lines.h"
+
 #include "core/geometry/mesh_reader.h"
 #include "core/geometry/polylines.h"
-#include "core/geometry/strand_file.h"
 
 #include <fmt/format.h>
 
-#include <charconv>
 #include <cmath>
 
 namespace marram {
 
 namespace {
 
-class ObjStrandsReader {
+class ObjLinesReader {
   public:
-    ObjStrandsReader(const std::string& path, std::string_view bytes) : path_(path), bytes_(bytes) {}
-    StrandFile read();
+    ObjLinesReader(const std::string& path, std::string_view bytes) : path_(path), bytes_(bytes) {}
+    ObjLines read();
 
   private:
     std::string_view word(std::string_view& line) const;
@@ -29,13 +29,11 @@ class ObjStrandsReader {
 
     const std::string& path_;
     std::string_view bytes_;
-    std::vector<Vec3f> vertices_;
-    std::vector<uint32_t> order_; // vertices of all CVs
-    StrandFile strands_;
+    ObjLines lines_;
 };
 
 // Takes the next word off the line; "" at its end or at a comment.
-std::string_view ObjStrandsReader::word(std::string_view& line) const {
+std::string_view ObjLinesReader::word(std::string_view& line) const {
     constexpr std::string_view blanks = " \t\r";
     line.remove_prefix(std::min(line.find_first_not_of(blanks), line.size()));
     const std::string_view taken = line.substr(0, line.find_first_of(blanks));
@@ -44,40 +42,46 @@ std::string_view ObjStrandsReader::word(std::string_view& line) const {
     return taken;
 }
 
-void ObjStrandsReader::read_vertex(std::string_view line) {
-    Vec3f vertex;
+void ObjLinesReader::read_vertex(std::string_view line) {
+    Vec3d vertex;
     for (int axis = 0; axis < 3; ++axis) {
         const std::string_view text = word(line);
-        double value = 0.0;
-        if (parse_number(text, value) != NumberFault::none)
+        if (parse_number(text, vertex[axis]) != NumberFault::none)
             fail(text, "this vertex is not three finite numbers", "give \"v x y z\"");
-        if (!(std::fabs(value) <= greatest_curve_coordinate))
-            fail(text, fmt::format("the coordinate {} is beyond 1e8 m", value), "scale it down");
-        vertex[axis] = float(value);
+        if (!(std::fabs(vertex[axis]) <= greatest_curve_coordinate))
+            fail(text, fmt::format("the coordinate {} is beyond 1e8 m", vertex[axis]), "scale it down");
     }
-    vertices_.push_back(vertex);
+    double unused = 0.0; // w or a colour
+    for (std::string_view text = word(line); !text.empty(); text = word(line))
+        if (parse_number(text, unused) == NumberFault::not_a_number)
+            fail(text, fmt::format("\"{}\" is not a number", text.substr(0, 32)), "write a number");
+    lines_.vertices.push_back(vertex);
 }
 
 // l 1 2 3, or l 1/1 2/2 with texture coordinates; negative indices count back from the latest vertex.
-void ObjStrandsReader::read_line(std::string_view line) {
+void ObjLinesReader::read_line(std::string_view line) {
+    constexpr auto most = int64_t(greatest_count);
     uint32_t count = 0;
     for (std::string_view text = word(line); !text.empty(); text = word(line), ++count) {
-        int64_t index = 0;
-        const std::string_view first = text.substr(0, text.find('/'));
-        const auto [stop, error] = std::from_chars(first.data(), first.data() + first.size(), index);
-        if (error != std::errc() || stop != first.data() + first.size() || index == 0)
+        const size_t slash = std::min(text.find('/'), text.size());
+        int64_t index = 0, unused = 0;
+        const WholeFault fault = parse_whole(text.substr(0, slash), -most, most, index);
+        const bool has_uv = slash + 1 < text.size();
+        const bool bad_uv =
+            has_uv && parse_whole(text.substr(slash + 1), -most, most, unused) != WholeFault::none;
+        if (fault == WholeFault::not_whole || (fault == WholeFault::none && index == 0) || bad_uv)
             fail(text, fmt::format("\"{}\" is no index of a vertex", text.substr(0, 32)),
                  "give \"l 1 2 3\"; indices count from 1");
-        if (index < 0) index += int64_t(vertices_.size()) + 1;
-        if (index < 1 || uint64_t(index) > greatest_count)
+        if (index < 0) index += int64_t(lines_.vertices.size()) + 1;
+        if (fault == WholeFault::out_of_range || index < 1)
             fail(text, fmt::format("\"{}\" names a vertex that is not there", text.substr(0, 32)),
                  "check that the file is complete");
-        order_.push_back(uint32_t(index - 1));
+        lines_.order.push_back(uint32_t(index - 1));
     }
-    strands_.counts.push_back(count);
+    lines_.counts.push_back(count);
 }
 
-StrandFile ObjStrandsReader::read() {
+ObjLines ObjLinesReader::read() {
     if (const size_t zero = bytes_.find('\0'); zero != std::string_view::npos)
         fail(bytes_.substr(zero), "holds binary data", "check that it is an OBJ file and save it again");
     const char newline = bytes_.find('\n') == std::string_view::npos ? '\r' : '\n';
@@ -92,24 +96,20 @@ StrandFile ObjStrandsReader::read() {
         if (kind == "l") read_line(line);
         begin = end + 1;
     }
-    if (strands_.counts.empty()) throw InputError({path_}, "has no lines", "give l elements, as \"l 1 2 3\"");
-    StrandSample& sample = strands_.samples.emplace_back();
-    sample.points.reserve(order_.size());
-    for (const uint32_t vertex : order_) {
-        if (vertex >= vertices_.size()) // checked last: a vertex may follow its line
-            throw InputError(
-                {path_}, fmt::format("a line names vertex {}, there are {}", vertex + 1, vertices_.size()),
-                "check that the file is complete");
-        sample.points.push_back(vertices_[vertex]);
-    }
-    remove_short_curves(path_, strands_);
-    return std::move(strands_);
+    if (lines_.counts.empty()) throw InputError({path_}, "has no lines", "give l elements, as \"l 1 2 3\"");
+    for (const uint32_t vertex : lines_.order)
+        if (vertex >= lines_.vertices.size()) // checked last: a vertex may follow its line
+            throw InputError({path_},
+                             fmt::format("a line names vertex {}, there are {}", uint64_t(vertex) + 1,
+                                         lines_.vertices.size()),
+                             "check that the file is complete");
+    return std::move(lines_);
 }
 
 } // namespace
 
-StrandFile read_obj_strands(const std::string& file, std::string_view bytes) {
-    return ObjStrandsReader(file, bytes).read();
+ObjLines read_obj_lines(const std::string& file, std::string_view bytes) {
+    return ObjLinesReader(file, bytes).read();
 }
 
 } // namespace marram

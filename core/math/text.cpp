@@ -7,17 +7,6 @@
 
 namespace marram {
 
-using namespace std::string_view_literals;
-
-size_t byte_order_mark(const std::string& path, std::string_view bytes) {
-    constexpr std::string_view utf8 = "\xef\xbb\xbf";
-    if (bytes.starts_with(utf8)) return utf8.size();
-    const bool utf32 = bytes.starts_with("\xff\xfe\0\0"sv) || bytes.starts_with("\0\0\xfe\xff"sv);
-    if (utf32 || bytes.starts_with("\xff\xfe") || bytes.starts_with("\xfe\xff"))
-        throw InputError({path, 1, 1}, utf32 ? "is text in UTF-32" : "is text in UTF-16", "save it as UTF-8");
-    return 0;
-}
-
 Place place_of(const std::string& path, std::string_view bytes, size_t offset) {
     const char newline = bytes.find('\n') == std::string_view::npos ? '\r' : '\n';
     const std::string_view before = bytes.substr(0, offset);

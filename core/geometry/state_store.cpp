@@ -10,6 +10,7 @@
 #include <algorithm>
 #include <array>
 #include <bit>
+#include <cerrno>
 #include <charconv>
 #include <cstring>
 #include <filesystem>
@@ -46,9 +47,17 @@ std::optional<double> frame_of(const fs::path& file) {
     return frame;
 }
 
-// Empty if the file is not as it was written.
-std::optional<StoredState> read(const std::string& file, uint64_t digest, double frame) {
+constexpr const char* damaged = "is damaged and is left out: remove it";
+
+// Empty if the file is not as it was written, with the reason in `why`.
+std::optional<StoredState> read(const std::string& file, uint64_t digest, double frame, std::string& why) {
+    why = damaged;
+    errno = 0;
     std::ifstream in(file, std::ios::binary);
+    if (!in.is_open()) {
+        why = fmt::format("cannot be read ({}) and is left out: check its permissions", std::strerror(errno));
+        return {};
+    }
     Header header;
     const Header expected;
     if (!in.read(reinterpret_cast<char*>(&header), sizeof header) || header.magic != expected.magic ||
@@ -83,6 +92,9 @@ std::optional<StoredState> StateStore::in_memory(double frame) const {
 std::optional<StoredState> StateStore::load(double frame) {
     if (folder_.empty()) return in_memory(frame);
     std::error_code error;
+    if (fs::is_symlink(folder_, error)) // one that came with the scene may point anywhere
+        throw InputError({folder_}, "is a symbolic link, where a folder of states belongs",
+                         "remove it, or name another folder with --state");
     fs::create_directories(folder_, error); // now, not after hours of simulation
     if (error)
         throw InputError({folder_}, "cannot make this folder for states: " + error.message(),
@@ -96,8 +108,10 @@ std::optional<StoredState> StateStore::load(double frame) {
     std::ranges::sort(frames, std::greater<>());
     for (const double candidate : frames) {
         if (unwritten && unwritten->frame >= candidate) break;
-        if (std::optional<StoredState> state = read(file_of(candidate), digest_, candidate)) return state;
-        warnings_.push_back(file_of(candidate) + ": is damaged and is left out: remove it");
+        std::string why;
+        if (std::optional<StoredState> state = read(file_of(candidate), digest_, candidate, why))
+            return state;
+        warnings_.push_back(file_of(candidate) + ": " + why);
     }
     return unwritten;
 }
@@ -119,7 +133,7 @@ void StateStore::store(double frame, const void* data, size_t byte_count) {
 }
 
 void StateStore::write(double frame, const void* data, size_t byte_count) const {
-    AtomicFile file(file_of(frame));
+    AtomicFile file(file_of(frame), Links::replace);
     Header header;
     header.digest = digest_;
     header.frame_bits = std::bit_cast<uint64_t>(frame);

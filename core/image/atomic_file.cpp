@@ -16,6 +16,7 @@
 #include <cstdio>
 #include <cstring>
 #include <mutex>
+#include <optional>
 #include <set>
 #include <system_error>
 
@@ -47,10 +48,9 @@ std::atomic<bool> any_open{false}; // also false before `open_files` is construc
     refuse_output(path, std::string(what) + " (" + std::strerror(error) + ")", fix);
 }
 
-// An output that is a symbolic link keeps its link; the file it points to is replaced.
-fs::path resolve(const std::string& path) {
+fs::path resolve(const std::string& path, Links links) {
     std::error_code error;
-    return fs::is_symlink(path, error) ? destination_of(path) : fs::path(path);
+    return links == Links::follow && fs::is_symlink(path, error) ? destination_of(path) : fs::path(path);
 }
 
 fs::path folder_of(const fs::path& target) {
@@ -74,8 +74,8 @@ void check_folder(const std::string& path, const fs::path& target) {
 
 void check_existing(const std::string& path, const fs::path& target) {
     std::error_code error;
-    const fs::file_status status = fs::status(target, error);
-    if (!fs::exists(status)) return;
+    const fs::file_status status = fs::symlink_status(target, error); // a link that is left is replaced
+    if (!fs::exists(status) || fs::is_symlink(status)) return;
     if (fs::is_directory(status)) refuse_output(path, "is a folder", "give the name of a file to write");
     if (!fs::is_regular_file(status))
         refuse_output(path, "is not an ordinary file and cannot be replaced",
@@ -85,9 +85,9 @@ void check_existing(const std::string& path, const fs::path& target) {
                       "change its permissions, or choose another output");
 }
 
-fs::path checked_target(const std::string& path) {
+fs::path checked_target(const std::string& path, Links links) {
     if (path.empty()) refuse_output("output", "no file name is given", "give the name of a file to write");
-    const fs::path target = resolve(path);
+    const fs::path target = resolve(path, links);
     if (!target.has_filename()) refuse_output(path, "is a folder", "give the name of a file to write");
     check_folder(path, target);
     check_name_length(path);
@@ -123,6 +123,25 @@ bool is_temporary_name(std::string_view name) {
     const bool ends = tail.size() == mark_digits || (tail.size() > mark_digits && tail[mark_digits] == '.');
     return ends && tail.find('.', mark_digits + 1) == std::string_view::npos &&
            tail.substr(0, mark_digits).find_first_not_of("0123456789abcdef") == std::string_view::npos;
+}
+
+// Permissions of the file that will be replaced; those that the umask leaves if there is none.
+std::optional<struct stat> replaced_file(const std::string& target) {
+    struct stat status {};
+    const bool exists = ::lstat(target.c_str(), &status) == 0 && S_ISREG(status.st_mode);
+    return exists ? std::optional(status) : std::nullopt;
+}
+
+// Where the group cannot be kept, another gets no more than everyone.
+void keep_permissions(int descriptor, const std::string& target) {
+    const std::optional<struct stat> old = replaced_file(target);
+    if (!old) return;
+    mode_t mode = old->st_mode & 0777U;
+    struct stat now {};
+    const bool same_group = ::fstat(descriptor, &now) == 0 && now.st_gid == old->st_gid;
+    if (!same_group && ::fchown(descriptor, uid_t(-1), old->st_gid) != 0)
+        mode &= ~mode_t(070) | ((mode & 07U) << 3U);
+    (void)::fchmod(descriptor, mode); // some file systems have none
 }
 
 bool same_file(int descriptor, const std::string& name) {
@@ -178,7 +197,14 @@ void check_name_length(const std::string& path) {
                       "give it a shorter name");
 }
 
-void check_writable(const std::string& path) { const TemporaryFile file(path, checked_target(path)); }
+void check_writable(const std::string& path, Links links) {
+    const TemporaryFile file(path, checked_target(path, links));
+}
+
+void remove_link(const std::string& path) {
+    std::error_code error;
+    if (fs::is_symlink(path, error)) fs::remove(path, error);
+}
 
 void also_remove_temporary_files(void (*remove)()) { of_library = remove; }
 
@@ -193,9 +219,12 @@ void remove_temporary_files() {
 TemporaryFile::TemporaryFile(const std::string& path, const fs::path& target) {
     // A name may be taken, or another process may remove the file before it is locked.
     constexpr int most_tries = 100;
+    // Until it replaces a private file, it is no more open than that.
+    const std::optional<struct stat> old = replaced_file(target);
+    const mode_t mode = old ? (old->st_mode & 0666U) | 0600U : 0666U;
     for (int tries = 0; tries < most_tries; ++tries) {
         name_ = temporary_name(target);
-        descriptor_ = ::open(name_.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
+        descriptor_ = ::open(name_.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, mode);
         if (descriptor_ < 0 && errno == EEXIST) continue;
         if (descriptor_ < 0) refuse_output(path, "cannot be written", errno);
         if (claim(descriptor_, name_)) {
@@ -219,6 +248,7 @@ TemporaryFile::~TemporaryFile() {
 }
 
 void TemporaryFile::rename_to(const std::string& target) {
+    keep_permissions(descriptor_, target);
     if (std::rename(name_.c_str(), target.c_str()) != 0)
         throw std::system_error(errno, std::generic_category());
     const std::lock_guard guard(open_lock);
@@ -234,8 +264,8 @@ bool TemporaryFile::lock_again() {
     return claim(descriptor_, name_);
 }
 
-AtomicFile::AtomicFile(const std::string& path)
-    : path_(path), target_(checked_target(path).string()), file_(path, target_) {
+AtomicFile::AtomicFile(const std::string& path, Links links)
+    : path_(path), target_(checked_target(path, links).string()), file_(path, target_) {
     sweep(folder_of(target_));
     buffer_.reserve(buffer_bytes);
 }

@@ -3,6 +3,12 @@
 // digits><ext>` in the target's folder. commit() renames it over the target after every byte has reached the
 // disk. A failed write never replaces an existing file.
 //
+// A link that a user names as output is kept, and the file that it points to is replaced. Where the program makes
+// up the name itself, a link is not followed: a folder from elsewhere may hold one that points anywhere. The file
+// takes its place (Links::replace).
+//
+// A replaced file passes on its permissions and, where the system allows it, its group.
+//
 // The temporary file is locked (flock) while it is open. A killed process leaves its file behind, unlocked;
 // the next AtomicFile in that folder removes it. If the file system has no locks, nothing is removed.
 #pragma once
@@ -16,10 +22,13 @@
 
 namespace marram {
 
+// What happens to a symbolic link of the output's name.
+enum class Links { follow, replace };
+
 // Throws InputError unless `path` can be written: its folder exists, its name is short enough, a file can be
 // created next to it, and an existing file of that name is a regular, writable file. Creates and removes an
 // empty file to test this. Call it before a long render.
-void check_writable(const std::string& path);
+void check_writable(const std::string& path, Links links = Links::follow);
 
 // Throws InputError if the last part of `path` is longer than its file system allows (255 bytes on most).
 void check_name_length(const std::string& path);
@@ -27,6 +36,10 @@ void check_name_length(const std::string& path);
 // The absolute path that a file of this name has or would have, with symbolic links resolved, including links
 // to files that do not exist yet.
 std::filesystem::path destination_of(const std::string& path);
+
+// Removes a symbolic link of this name, not what it points to. For names that the program makes up, before other
+// code writes to them.
+void remove_link(const std::string& path);
 
 // Removes the temporary files of this process. For a process that ends without unwinding; from any thread.
 void remove_temporary_files();
@@ -61,7 +74,7 @@ class TemporaryFile {
 // commit().
 class AtomicFile {
   public:
-    explicit AtomicFile(const std::string& path); // check_writable(path)
+    explicit AtomicFile(const std::string& path, Links links = Links::follow); // check_writable(path, links)
     AtomicFile(const AtomicFile&) = delete;
     AtomicFile& operator=(const AtomicFile&) = delete;
 
@@ -85,7 +98,7 @@ class AtomicFile {
     void check() const;
 
     std::string path_;   // as given, for messages
-    std::string target_; // symbolic links followed
+    std::string target_; // the file to replace
     TemporaryFile file_;
     std::vector<char> buffer_; // bytes from buffer_begin_ on
     int64_t buffer_begin_ = 0;

@@ -16,7 +16,8 @@ struct DoublesHeader {
 };
 
 // `row(y, values)` writes or reads width * channels values of a row, channels interleaved; rows come in order
-// from the top. Files are written completely or not at all (core/image/atomic_file.h). All functions throw
+// from the top. Files are written completely or not at all, and take the place of a link
+// (core/image/atomic_file.h). All functions throw
 // InputError that names the file.
 void write_doubles(const std::string& path, const DoublesHeader& header,
                    const std::function<void(int, double*)>& row);

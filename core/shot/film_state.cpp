@@ -96,7 +96,7 @@ std::string state_name(const std::string& picture) { return picture + ".state.ti
 void check_state_overwrite(const std::string& state) {
     std::error_code error;
     if (!std::filesystem::exists(state, error)) return;
-    check_writable(state);
+    check_writable(state, Links::replace);
     const std::optional<DoublesHeader> header = try_header(state);
     const bool is_frame_state = header ? header->description.starts_with(magic) : begins_like_tiff(state);
     if (!is_frame_state)

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/shot/frame.h"
 
+#include "core/image/atomic_file.h"
+#include "core/math/frame_name.h"
 #include "core/math/hash.h"
 #include "core/shot/film_state.h"
-#include "core/shot/frame_name.h"
 #include "core/shot/material_checks.h"
 #include "core/shot/picture_file.h"
 #include "core/shot/scene_camera.h"
@@ -252,6 +253,7 @@ SavedFrame save_frame(Frame& frame) {
             save_layer_picture(layer, frame.film, frame.shot.description.film.number("exposure"), more);
             saved.layers.push_back(layer.file);
         }
+        if (render.cancelled) remove_link(saved.picture);
         save(frame, saved.picture, metadata);
     };
     const auto write_state = [&] {

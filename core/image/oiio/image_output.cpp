@@ -5,8 +5,8 @@
 
 namespace marram {
 
-ImageWriter::ImageWriter(const std::string& path, OIIO::ImageSpec spec, const char* format)
-    : path_(path), file_(path), proxy_(path, file_), output_(OIIO::ImageOutput::create(format)) {
+ImageWriter::ImageWriter(const std::string& path, OIIO::ImageSpec spec, const char* format, Links links)
+    : path_(path), file_(path, links), proxy_(path, file_), output_(OIIO::ImageOutput::create(format)) {
     if (!output_ || !output_->supports("ioproxy"))
         throw InputError({path},
                          std::string("this OpenImageIO cannot write ") + format + " files to a stream",

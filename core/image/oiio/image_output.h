@@ -53,7 +53,8 @@ class AtomicProxy final : public OIIO::Filesystem::IOProxy {
 class ImageWriter {
   public:
     // format: "openexr", "png", "tiff". Throws InputError that names `path`.
-    ImageWriter(const std::string& path, OIIO::ImageSpec spec, const char* format);
+    ImageWriter(const std::string& path, OIIO::ImageSpec spec, const char* format,
+                Links links = Links::follow);
     void write_rows(int begin, int end, OIIO::TypeDesc type, const void* rows);
     void commit();
 

@@ -187,5 +187,62 @@ TEST_F(AtomicFiles, MayHaveNamesAsLongAsTheFileSystemAllows) {
     }
 }
 
+void write_text(const std::string& file, const std::string& text, Links links = Links::follow) {
+    AtomicFile writer(file, links);
+    writer.write(text);
+    writer.commit();
+}
+
+TEST_F(AtomicFiles, KeepThePermissionsOfWhatTheyReplace) {
+    const auto mode = [](const std::string& file) { return int(fs::status(file).permissions()); };
+    const mode_t before = ::umask(022);
+    for (const int wanted : {0664, 0600, 0640, 0755}) {
+        const std::string file = path("a.txt");
+        write_text(file, "old");
+        fs::permissions(file, fs::perms(wanted));
+        {
+            AtomicFile writer(file);
+            for (const auto& entry : fs::directory_iterator(folder))
+                EXPECT_EQ(mode(entry.path()) & ~wanted & 077, 0) << "private until it is whole";
+            writer.write("new");
+            writer.commit();
+        }
+        EXPECT_EQ(get(file), "new");
+        EXPECT_EQ(mode(file), wanted);
+    }
+    write_text(path("b.txt"), "new");
+    EXPECT_EQ(mode(path("b.txt")), 0644);
+    ::umask(before);
+}
+
+// A link that the user names is kept, and its file replaced; where the program makes up the name it is the other way round.
+TEST_F(AtomicFiles, FollowOnlyLinksThatTheUserNames) {
+    const std::string link = path("link"), victim = path("victim"), nowhere = path("nowhere");
+    write_text(victim, "old");
+    fs::create_symlink(victim, link);
+    write_text(link, "followed");
+    EXPECT_TRUE(fs::is_symlink(link));
+    EXPECT_EQ(get(victim), "followed");
+    write_text(link, "replaced", Links::replace);
+    EXPECT_FALSE(fs::is_symlink(link));
+    EXPECT_EQ(get(link), "replaced");
+    EXPECT_EQ(get(victim), "followed");
+    fs::remove(link);
+    fs::create_symlink(nowhere, link);
+    write_doubles(link, {1, 1, 1, "a state"}, [](int, double* row) { row[0] = 0.5; });
+    EXPECT_FALSE(fs::exists(nowhere));
+    EXPECT_TRUE(fs::is_regular_file(fs::symlink_status(link)));
+    fs::remove(link);
+    fs::create_symlink(folder, link); // to a folder
+    write_text(link, "replaced", Links::replace);
+    EXPECT_EQ(get(link), "replaced");
+    remove_link(link);
+    EXPECT_EQ(get(link), "replaced") << "it is no link";
+    fs::create_symlink(victim, path("other"));
+    remove_link(path("other"));
+    EXPECT_FALSE(fs::is_symlink(path("other")));
+    EXPECT_EQ(get(victim), "followed");
+}
+
 } // namespace
 } // namespace marram

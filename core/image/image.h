@@ -19,6 +19,7 @@ struct Image {
     std::vector<float> pixels; // rows from the top, channels interleaved
     std::vector<std::string> channel_names;
     bool as_in_file = true;         // false: colours were decoded to linear
+    bool turned = false;            // the file's rows were reordered, by its EXIF orientation
     bool half = false;              // R (else the first channel) is stored as half float
     std::string read_as = "linear"; // assumed encoding of the colours; also "sRGB", "gamma 1.8"
     bool straight_alpha = false;    // colour is not multiplied by alpha; always so for PNG
@@ -42,7 +43,9 @@ enum class ColorSpace {
 float srgb_from_linear(float linear);
 float linear_from_srgb(float encoded);
 
-// Reads any format that OpenImageIO supports; the first picture of a file with several, at full resolution.
+// Reads EXR, PNG, TIFF, JPEG, Radiance HDR, PNM, PFM, TGA, BMP, GIF, WebP, FITS, DPX, Cineon, PSD, JPEG 2000 and DDS; the
+// first picture of a file with several, at full resolution. Rows are in the order in which the picture is to be seen (EXIF
+// orientation; so are the sizes of image_header).
 // Alpha is as in the file and is never multiplied into colour. Errors: missing, unreadable or truncated
 // files, deep and volume images, crops and overscan, sides above 65536 pixels, more than 1 GiB of floats,
 // non-finite pixels.

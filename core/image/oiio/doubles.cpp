@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/image/doubles.h"
 
+#include "core/image/oiio/image_input.h"
 #include "core/image/oiio/image_output.h"
 #include "core/math/problem.h"
 
@@ -28,8 +29,9 @@ std::unique_ptr<OIIO::ImageInput> open(const std::string& path) {
     OIIO::ImageSpec config;
     // A fourth channel is not alpha: do not multiply by it.
     config.attribute("oiio:UnassociatedAlpha", 1);
-    std::unique_ptr<OIIO::ImageInput> input = OIIO::ImageInput::open(path, &config);
-    if (!input) refuse_state(path, "cannot be read", OIIO::geterror(), "remove it");
+    std::string why;
+    std::unique_ptr<OIIO::ImageInput> input = open_format(path, config, why);
+    if (!input) refuse_state(path, "cannot be read", why, "remove it");
     return input;
 }
 
@@ -54,7 +56,7 @@ OIIO::ImageSpec spec_of(const DoublesHeader& header) {
 void write_doubles(const std::string& path, const DoublesHeader& header,
                    const std::function<void(int, double*)>& row) {
     assert(header.width > 0 && header.height > 0 && header.channels > 0);
-    ImageWriter writer(path, spec_of(header), "tiff");
+    ImageWriter writer(path, spec_of(header), "tiff", Links::replace);
     const size_t stride = size_t(header.width) * size_t(header.channels);
     std::vector<double> strip(stride * size_t(std::min(rows_a_strip, header.height)));
     for (int begin = 0; begin < header.height; begin += rows_a_strip) {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/image/image.h"
 
+#include "core/image/oiio/image_input.h"
 #include "core/image/oiio/image_output.h"
 #include "core/image/png_check.h"
 #include "core/math/problem.h"
@@ -18,6 +19,7 @@
 #include <fstream>
 #include <memory>
 #include <mutex>
+#include <utility>
 
 #include <fcntl.h>
 #include <unistd.h>
@@ -49,9 +51,7 @@ std::string reason(const std::string& message) {
 class QuietPng {
   public:
     explicit QuietPng(const std::string& path) {
-        std::ifstream file(path, std::ios::binary);
-        char head[4] = {};
-        if (!file.read(head, sizeof head) || std::string_view(head, 4) != "\x89PNG") return;
+        if (format_of(path) != "png") return;
         lock_ = std::unique_lock(mutex());
         std::fflush(stderr);
         stderr_ = ::fcntl(STDERR_FILENO, F_DUPFD_CLOEXEC, 3);
@@ -99,9 +99,10 @@ InputFile open_image(const std::string& path) {
     OIIO::ImageSpec config;
     // Otherwise 8-bit colour would be multiplied by alpha and rounded.
     config.attribute("oiio:UnassociatedAlpha", 1);
-    InputFile input = OIIO::ImageInput::open(path, &config);
+    std::string why;
+    InputFile input = open_format(path, config, why);
     if (!input)
-        refuse_image(path, "is not an image that can be read " + reason(OIIO::geterror()),
+        refuse_image(path, "is not an image that can be read (" + why + ")",
                      "save it again as EXR, PNG, TIFF or JPEG");
     return input;
 }
@@ -183,6 +184,36 @@ void make_linear(Image& image, int alpha_channel, float exponent) {
     image.as_in_file = false;
 }
 
+// EXIF: 1 as it is, 2 mirrored left to right, 3 turned by half, 4 upside down, 5 mirrored along the diagonal from the top
+// left, 6 to be turned clockwise to be upright, 7 mirrored along the other diagonal, 8 to be turned anticlockwise.
+int orientation_of(const OIIO::ImageSpec& spec) {
+    const int orientation = spec.get_int_attribute("Orientation", 1);
+    return orientation >= 2 && orientation <= 8 ? orientation : 1;
+}
+
+bool swaps_sides(int orientation) { return orientation >= 5; }
+
+// Puts the rows from top to bottom as the picture is to be seen.
+void make_upright(Image& image, int orientation) {
+    if (orientation == 1) return;
+    const std::vector<float> stored = std::exchange(image.pixels, {});
+    const size_t stored_width = size_t(image.width), stored_height = size_t(image.height),
+                 channels = size_t(image.channels);
+    if (swaps_sides(orientation)) std::swap(image.width, image.height);
+    const bool from_right = orientation == 2 || orientation == 3 || orientation == 7 || orientation == 8;
+    const bool from_bottom = orientation == 3 || orientation == 4 || orientation == 6 || orientation == 7;
+    image.pixels.reserve(stored.size());
+    for (size_t y = 0; y < size_t(image.height); ++y)
+        for (size_t x = 0; x < size_t(image.width); ++x) {
+            const size_t along = swaps_sides(orientation) ? y : x, down = swaps_sides(orientation) ? x : y;
+            const size_t i = from_right ? stored_width - 1 - along : along,
+                         j = from_bottom ? stored_height - 1 - down : down;
+            const float* pixel = stored.data() + (j * stored_width + i) * channels;
+            image.pixels.insert(image.pixels.end(), pixel, pixel + channels);
+        }
+    image.turned = true;
+}
+
 // OpenImageIO reads the greatest integer as 1.
 double stored_one(OIIO::TypeDesc format) {
     if (format.is_floating_point()) return 1.0;
@@ -230,6 +261,7 @@ Image read_image(const std::string& path, ColorSpace space) {
             make_linear(image, spec.alpha_channel, exponent);
             image.read_as = exponent == srgb ? "sRGB" : fmt::format("gamma {:.3g}", exponent);
         }
+    make_upright(image, orientation_of(spec));
     if (space != ColorSpace::raw_data) check_finite(path, image);
     return image;
 }
@@ -389,6 +421,7 @@ ImageHeader image_header(const std::string& path) {
     const InputFile input = open_image(path);
     const OIIO::ImageSpec spec = spec_of(*input);
     ImageHeader header{Extent::several, spec.width, spec.height, spec.nchannels};
+    if (swaps_sides(orientation_of(spec))) std::swap(header.width, header.height);
     if (input->seek_subimage(1, 0)) return header;
     (void)input->geterror();
     header.extent = fills_frame(spec) ? Extent::whole : Extent::cropped;
@@ -419,9 +452,8 @@ namespace {
 InputFile open_if_image(const std::string& path) {
     std::error_code error;
     if (!std::filesystem::is_regular_file(path, error) || !png_fault(path).empty()) return nullptr;
-    InputFile input = OIIO::ImageInput::open(path);
-    if (!input) (void)OIIO::geterror(); // clears the error, which would be printed at exit
-    return input;
+    std::string why;
+    return open_format(path, {}, why);
 }
 
 bool is_readable_to_end(OIIO::ImageInput& input) {

@@ -3,6 +3,7 @@
 
 #include "core/image/atomic_file.h"
 #include "core/image/image.h"
+#include "core/image/oiio/image_input.h"
 
 #include <OpenImageIO/imagebuf.h>
 #include <OpenImageIO/imagebufalgo.h>
@@ -61,7 +62,8 @@ class TiledTexture final : public TextureFile {
 
 // True if a file has tiles and MIP levels.
 bool is_tiled(const std::string& file) {
-    const auto input = OIIO::ImageInput::open(file);
+    std::string why;
+    const auto input = open_format(file, {}, why);
     return input && input->spec().tile_width > 0 && input->seek_subimage(0, 1);
 }
 
@@ -101,7 +103,8 @@ std::shared_ptr<const TextureFile> open_texture_file(const std::string& file, Co
     // The whole file is read even if it is used as it is: truncated files and non-finite pixels must not be
     // found while rendering.
     Image image = read_image(file, space);
-    const bool ready = image.as_in_file && is_tiled(file) && // else encoded values would be averaged
+    const bool ready = image.as_in_file && !image.turned &&
+                       is_tiled(file) && // else encoded values would be averaged
                        std::ranges::all_of(image.pixels, [](float v) { return v >= 0.0F && v <= 1.0F; });
     std::unique_ptr<TemporaryFile> made = ready ? nullptr : make_texture(image, file, place);
     const std::string path = made ? made->name() : file;

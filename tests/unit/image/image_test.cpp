@@ -6,6 +6,7 @@
 #include <OpenImageIO/imageio.h>
 #include <gtest/gtest.h>
 
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <bit>
@@ -170,6 +171,57 @@ TEST_F(ImageFiles, ColoursAreMadeLinearFromWhatTheFileSays) {
         message_of(path("film.dpx")).find("is in the colour space \"KodakLog\", which is not known here"),
         std::string::npos);
     EXPECT_NO_THROW(read_image(path("film.dpx"), ColorSpace::linear_data));
+}
+
+// An image of 3 x 2 pixels, stored so that each EXIF orientation shows 1 2 3 / 4 5 6.
+TEST_F(ImageFiles, AreTurnedAsTheirOrientationSays) {
+    const std::vector<std::vector<uint8_t>> stored = {
+        {1, 2, 3, 4, 5, 6}, {3, 2, 1, 6, 5, 4}, {6, 5, 4, 3, 2, 1}, {4, 5, 6, 1, 2, 3},
+        {1, 4, 2, 5, 3, 6}, {3, 6, 2, 5, 1, 4}, {6, 3, 5, 2, 4, 1}, {4, 1, 5, 2, 6, 3}};
+    for (int orientation = 1; orientation <= 8; ++orientation) {
+        const bool swapped = orientation >= 5;
+        OIIO::ImageSpec spec(swapped ? 2 : 3, swapped ? 3 : 2, 1, OIIO::TypeDesc::UINT8);
+        spec.attribute("Orientation", orientation);
+        const auto output = OIIO::ImageOutput::create("tiff");
+        ASSERT_TRUE(output->open(path("a.tif"), spec));
+        ASSERT_TRUE(output->write_image(OIIO::TypeDesc::UINT8, stored[size_t(orientation - 1)].data()));
+        ASSERT_TRUE(output->close());
+        const Image image = read_image(path("a.tif"), ColorSpace::linear_data);
+        const ImageHeader header = image_header(path("a.tif"));
+        EXPECT_EQ(image.width, 3);
+        EXPECT_EQ(image.height, 2);
+        EXPECT_EQ(header.width, 3);
+        EXPECT_EQ(header.height, 2);
+        EXPECT_EQ(image.turned, orientation > 1);
+        for (size_t i = 0; i < 6; ++i)
+            EXPECT_FLOAT_EQ(image.pixels[i] * 255.0F, float(i + 1)) << orientation << ", pixel " << i;
+    }
+}
+
+// Refused by their first bytes, so that no reader of another format takes minutes over them.
+TEST_F(ImageFiles, OfNoDocumentedFormatAreRefusedAtOnce) {
+    std::string dicom(1000, '\0');
+    dicom.replace(128, 4, "DICM");
+    for (const std::string& bytes :
+         {std::string(1000, '\0'), dicom, std::string("RIFF\4\0\0\0WAVE", 12), std::string("B")})
+        for (const char* name : {"a.png", "a.exr", "a.dcm", "a"}) {
+            put(name, bytes);
+            EXPECT_NE(message_of(path(name)).find("begins like none of the formats that are read"),
+                      std::string::npos);
+            EXPECT_FALSE(read_metadata(path(name), "Software"));
+        }
+    put("a.tif", std::string("II*\0", 4) + std::string(1000, '\0')); // its own reader alone is tried
+    EXPECT_NE(message_of(path("a.tif")).find("is not an image that can be read"), std::string::npos);
+}
+
+// Nobody writes to this pipe: opening it would wait without end.
+TEST_F(ImageFiles, ThatArePipesAreRefused) {
+    ASSERT_EQ(::mkfifo(path("a.png").c_str(), 0600), 0);
+    EXPECT_NE(message_of(path("a.png")).find("is not an ordinary file"), std::string::npos);
+    EXPECT_FALSE(read_metadata(path("a.png"), "Software"));
+    EXPECT_FALSE(whole_metadata(path("a.png"), "Software"));
+    EXPECT_THROW(image_header(path("a.png")), InputError);
+    EXPECT_NE(message_of("/dev/zero").find("is not an ordinary file"), std::string::npos);
 }
 
 // For FITS in colour OpenImageIO names only one of three channels, and aborts if the others' names are looked

@@ -32,6 +32,8 @@ MarramStatus guarded(const MarramHost& host, const char* subject, const char* le
     } catch (const std::bad_alloc&) {
         send(host, MARRAM_FAULT, (name + ".memory").c_str(), "", "there is not enough memory for the " + name,
              less);
+    } catch (const UnsetSize& fault) {
+        send(host, MARRAM_FAULT, "contract.size", "", fault.what(), "set it to the size of the struct");
     } catch (const std::exception& error) {
         send(host, MARRAM_FAULT, (name + ".internal").c_str(), "", error.what(),
              "report it as a bug of the library");
@@ -90,6 +92,7 @@ inline std::vector<MarramValue> values_of(const MarramValues* given) {
     if (!given || (given->count > 0 && !given->first))
         throw SceneFault("contract.null_values", "", "the list of values is NULL",
                          "pass an array of `count` values");
+    check_size(given);
     return known_parts(given->first, given->count, given->stride);
 }
 

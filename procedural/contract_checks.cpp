@@ -312,6 +312,12 @@ bool equally_spaced(const double* times, uint32_t count) {
     return true;
 }
 
+// Beyond it samples cannot be told apart, and steps between them cannot be counted.
+constexpr double latest_time = 1e12; // frames
+constexpr double lowest_fps = 1e-3, highest_fps = 1e6;
+
+bool usable_time(double frame) { return std::fabs(frame) <= latest_time; } // false for NaN
+
 ContractFault times_fault(const double* times, uint32_t count) {
     constexpr uint32_t most_times = 64;
     if (!times || count < 1 || count > most_times)
@@ -320,6 +326,10 @@ ContractFault times_fault(const double* times, uint32_t count) {
     for (uint32_t t = 0; t < count; ++t)
         if (!std::isfinite(times[t]) || (t > 0 && !(times[t] > times[t - 1])))
             return {"", "the motion samples are not finite and ascending", "sort them, each once"};
+    for (const double time : {times[0], times[count - 1]})
+        if (!usable_time(time))
+            return {"", fmt::format("a motion sample is at frame {:g}", time),
+                    fmt::format("give frames from {:g} to {:g}", -latest_time, latest_time)};
     return {};
 }
 
@@ -355,13 +365,15 @@ struct Probe {
 std::optional<Probe> probe_of(const MarramMesh& mesh) {
     constexpr double least_shape = 1e-3; // area over the square of the longest side
     constexpr double least_size = 1e-3;  // relative to the coordinates, whose floats resolve 1e-7
+    constexpr double least_side = 1e-8;  // m; Embree multiplies four lengths, and floats end at 1e-38
     for (size_t t = mesh.triangle_count; t-- > 0;) {
         const std::array<Vec3d, 3> p = corners_of(mesh, t);
         const Vec3d e1 = p[1] - p[0], e2 = p[2] - p[0], n = e1.cross(e2);
         const double area = 0.5 * n.norm();
         const double side = std::max({e1.squaredNorm(), e2.squaredNorm(), (p[2] - p[1]).squaredNorm()});
         const Vec3d middle = (p[0] + p[1] + p[2]) / 3.0;
-        if (!(area >= least_shape * side) || !(std::sqrt(area) > least_size * middle.cwiseAbs().maxCoeff()))
+        if (!(side > least_side * least_side) || !(area >= least_shape * side) ||
+            !(std::sqrt(area) > least_size * middle.cwiseAbs().maxCoeff()))
             continue;
         return Probe{t, middle, n / (2.0 * area), 0.05 * std::sqrt(area)};
     }
@@ -455,9 +467,11 @@ ContractFault frame_fault(const MarramFrame& frame, std::span<const MarramMesh> 
     if (ContractFault fault = times_fault(frame.times, frame.time_count); !fault.what.empty()) return fault;
     if (!equally_spaced(frame.times, frame.time_count))
         return {"", "the motion samples are not equally spaced", "give equal steps over the shutter"};
-    if (!std::isfinite(frame.frame) || !std::isfinite(frame.bind_frame) || !(frame.fps > 0.0) ||
-        !std::isfinite(frame.fps))
-        return {"", "frame, bind_frame or fps is no usable number", "give finite ones, fps above 0"};
+    if (!usable_time(frame.frame) || !usable_time(frame.bind_frame) ||
+        !(frame.fps >= lowest_fps && frame.fps <= highest_fps))
+        return {"", "frame, bind_frame or fps is no usable number",
+                fmt::format("give frames from {0:g} to {1:g}, fps from {2:g} to {3:g}", -latest_time,
+                            latest_time, lowest_fps, highest_fps)};
     if (!(frame.tolerance >= 0.0) || !std::isfinite(frame.tolerance))
         return {"", fmt::format("the tolerance is {:g}", frame.tolerance), "give metres, 0 or more"};
     if (frame.stage != MARRAM_REST && frame.stage != MARRAM_BENT && frame.stage != MARRAM_FINAL)

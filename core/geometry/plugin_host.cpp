@@ -49,13 +49,14 @@ MarramStatus load_state(void* user, double frame, MarramState* out) {
         state.data = store.loaded->data.empty() ? &nothing : store.loaded->data.data();
         state.byte_count = store.loaded->data.size();
     }
+    if (!is_sized(out)) return MARRAM_ERROR;
     fill_known_part(state, out);
     return MARRAM_OK;
 }
 
 MarramStatus store_state(void* user, const MarramState* given) {
     Store& store = *static_cast<Store*>(user);
-    if (!given) return MARRAM_ERROR;
+    if (!given || !is_sized(given)) return MARRAM_ERROR;
     const MarramState state = known_part(given);
     if (!std::isfinite(state.frame) || (state.byte_count > 0 && !state.data)) return MARRAM_ERROR;
     try {

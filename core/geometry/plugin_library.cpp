@@ -168,6 +168,7 @@ void PluginLibrary::read(const Place& place) {
                          fmt::format("'{}' was built with Embree {}, this renderer with Embree {}", path_,
                                      given->embree_major, MARRAM_EMBREE_MAJOR),
                          "build both with one Embree");
+    if (!is_sized(given)) throw InputError(place, "'" + path_ + "' has not set MarramLibrary.size", fix);
     const MarramLibrary library = known_part(given);
     name_ = library.name ? library.name : "";
     version_ = library.version ? library.version : "";

@@ -41,7 +41,7 @@
  * Extension: new fields go to the end of a struct, new callbacks to the end of MarramProcedural. Both sides
  * continue to work with the fields that they know. Therefore
  *   - a struct that is passed by itself begins with its `size`, set by the owner of its memory: read or fill
- *     a field only if MARRAM_HAS(pointer, field);
+ *     a field only if MARRAM_HAS(pointer, field); a size of 0 is refused as a mistake;
  *   - an array comes with a count and a stride, the size of an element for its owner:
  *     MARRAM_AT(type, first, stride, i);
  *   - a struct that may grow is never embedded in another: it is pointed to;
@@ -287,6 +287,7 @@ typedef struct MarramStates { /* valid while prepare() runs; one thread at a tim
 
 typedef enum MarramStage { MARRAM_REST = 0, MARRAM_BENT = 1, MARRAM_FINAL = 2 } MarramStage;
 
+/* Frames and times are between -1e12 and 1e12: later ones cannot be told apart. */
 typedef struct MarramFrame { /* valid from begin until the frame's last call, report included */
     size_t size;
     double fps, frame;

@@ -199,6 +199,7 @@ MarramStatus begin_rock(MarramInstance* opaque, const MarramFrame* given, Marram
 
 void check_rock_buffers(const RockInstance& instance, const MarramMeshBuffers* buffers) {
     if (!instance.begun) throw SceneFault("contract.no_frame", "", "no frame has begun", "call begin first");
+    if (buffers) check_size(buffers);
     bool there = buffers && buffers->positions && buffers->positions[0] && buffers->triangles &&
                  (buffers->attribute_count == 0 || (buffers->attributes && buffers->attribute_values));
     for (uint32_t a = 0; there && a < buffers->attribute_count; ++a) {

@@ -67,6 +67,7 @@ bool moving_meshes_matter(const Wind& wind, const MarramFrame& frame) {
 
 void check_buffers(const MarramPatchBuffers* buffers, uint32_t time_count, bool oriented,
                    size_t attribute_count) {
+    if (buffers) check_size(buffers);
     bool valid = buffers && buffers->vertices &&
                  (buffers->attribute_count == 0 || (buffers->attributes && buffers->attribute_values));
     for (uint32_t t = 0; valid && t < time_count; ++t) valid = buffers->vertices[t] != nullptr;

@@ -181,6 +181,7 @@ void write_ripples(const RipplesLayer& ripples, uint32_t which,
 
 void check_mesh_buffers(const TerrainInstance& instance, const MarramMeshBuffers* buffers) {
     if (!instance.begun) throw SceneFault("contract.no_frame", "", "no frame has begun", "call begin first");
+    if (buffers) check_size(buffers);
     bool there = buffers && buffers->positions && buffers->positions[0] && buffers->triangles &&
                  (buffers->attribute_count == 0 || (buffers->attributes && buffers->attribute_values));
     for (uint32_t a = 0; there && a < buffers->attribute_count; ++a) {

@@ -188,7 +188,11 @@ std::vector<FrameFault> frame_faults(Spoilt& s) {
         {"equal times", "contract.frame", in_times(1.0, 1.0, 1.0)},
         {"downward times", "contract.frame", in_times(1.5, 1.25, 1.0)},
         {"a time that is none", "contract.frame", in_times(1.0, std::nan(""), 1.5)},
+        {"times that cannot be counted", "contract.frame", in_times(1e19, 2e19, 3e19)},
         {"fps 0", "contract.frame", [](LentWorld&, MarramFrame& f) { f.fps = 0.0; }},
+        {"fps without an end", "contract.frame", [](LentWorld&, MarramFrame& f) { f.fps = 1e300; }},
+        {"a frame that cannot be counted", "contract.frame",
+         [](LentWorld&, MarramFrame& f) { f.frame = -1e19; }},
         {"an infinite frame", "contract.frame", [](LentWorld&, MarramFrame& f) { f.frame = HUGE_VAL; }},
         {"no bind frame", "contract.frame", [](LentWorld&, MarramFrame& f) { f.bind_frame = std::nan(""); }},
         {"a negative tolerance", "contract.frame", [](LentWorld&, MarramFrame& f) { f.tolerance = -1.0; }},
@@ -210,7 +214,7 @@ std::vector<FrameFault> frame_faults(Spoilt& s) {
          [](LentWorld& w, MarramFrame& f) { f.colliders = w.uncommitted_scene.get(); }},
         {"a mesh as an instance", "contract.frame",
          [](LentWorld& w, MarramFrame& f) { f.colliders = w.instances_scene.get(); }},
-        {"a struct of nothing", "contract.frame", [](LentWorld&, MarramFrame& f) { f.size = sizeof f.size; }},
+        {"a struct of nothing", "contract.size", [](LentWorld&, MarramFrame& f) { f.size = sizeof f.size; }},
         {"a mesh without a name", "contract.frame", in_mesh([](MarramMesh& m, auto&) { m.name = nullptr; })},
         {"a mesh without positions", "contract.frame",
          in_mesh([](MarramMesh& m, auto&) { m.positions = nullptr; })},
@@ -317,6 +321,38 @@ TEST_F(FaultyHost, IsToldOfWrongValues) {
     EXPECT_GT(told, 1000u);
 }
 
+// Structs whose size was left at 0.
+void expect_sizes_are_asked_for(TestedProcedural& called, const MarramFrame& good_frame) {
+    const MarramProcedural& calls = called.calls;
+    MarramInstance* instance = nullptr;
+    MarramValues values = *called.good;
+    values.size = 0;
+    called.expect_error(calls.create(&called.host, &values, &instance), "contract.size", "values");
+    const MarramUpdate update{0, called.good, MARRAM_NOTHING};
+    uint32_t changed = 0;
+    called.expect_error(calls.update(called.instance, &update, &changed), "contract.size", "update");
+    MarramFrame frame = good_frame;
+    frame.size = 0;
+    MarramOutput output{};
+    output.size = sizeof output;
+    called.expect_error(calls.begin(called.instance, &frame, &output), "contract.size", "frame");
+    output.size = 0;
+    called.expect_error(calls.begin(called.instance, &good_frame, &output), "contract.size", "output");
+    output.size = sizeof output;
+    ASSERT_EQ(calls.begin(called.instance, &good_frame, &output), MARRAM_OK);
+    MarramPatch patch{};
+    const MarramPatchBuffers patch_buffers{};
+    MarramMeshBuffers mesh_buffers{};
+    MarramAttributeList list{};
+    if (calls.patch) called.expect_error(calls.patch(called.instance, 0, &patch), "contract.size", "patch");
+    if (calls.tessellate)
+        called.expect_error(calls.tessellate(called.instance, 0, &patch_buffers), "contract.size", "buffers");
+    if (calls.mesh)
+        called.expect_error(calls.mesh(called.instance, &mesh_buffers), "contract.size", "buffers");
+    if (calls.attributes_of)
+        called.expect_error(calls.attributes_of(called.instance, &list), "contract.size", "list");
+}
+
 TEST_F(FaultyHost, IsToldOfNullPointers) {
     for (const ProceduralType& type : library->types()) {
         TestedProcedural called(type, world);
@@ -389,6 +425,7 @@ TEST_F(FaultyHost, IsToldOfNullPointers) {
         if (calls.attributes_of)
             called.expect_error(calls.attributes_of(called.instance, nullptr), "contract.null_list",
                                 "no list");
+        expect_sizes_are_asked_for(called, frame);
         const std::string before = called.evaluate();
         calls.report(called.instance, nullptr, nullptr);
         if (calls.describe)

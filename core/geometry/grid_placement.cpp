@@ -6,6 +6,7 @@
 
 #include <fmt/format.h>
 
+#include <cmath>
 #include <map>
 
 namespace marram {
@@ -13,6 +14,7 @@ namespace marram {
 namespace {
 
 constexpr std::string_view placement_head = "marram:";
+constexpr double max_metadata = 1e9; // metres
 
 std::map<std::string, std::string> placement_texts(const std::string& path) {
     std::map<std::string, std::string> texts;
@@ -66,11 +68,18 @@ FilePlacement read_placement(const std::string& path) {
             const auto found = texts.find(std::string(placement_head) + key);
             if (found == texts.end()) continue;
             double& value = values[given++];
-            if (parse_number(found->second, value) != NumberFault::none || (positive && !(value > 0.0)))
+            if (parse_number(found->second, value) != NumberFault::none ||
+                !(std::abs(value) <= max_metadata) || (positive && !(value > 0.0)))
                 throw InputError(
                     {path}, fmt::format("its metadata say {} {}", found->first, shortened(found->second, 40)),
-                    positive ? "give a number above 0, or remove them" : "give a number, or remove them");
+                    fmt::format("give a number {} {:g}, or remove it",
+                                positive ? "above 0 and up to" : "of a size up to", max_metadata));
         }
+        if (given == 1)
+            throw InputError(
+                {path},
+                fmt::format("its metadata have one of {0}{1} and {0}{2}", placement_head, first, second),
+                "give both, or remove it");
         return given == 2 ? std::optional(values) : std::nullopt;
     };
     return {pair("center_x", "center_z", false), pair("size_x", "size_z", true),

@@ -16,7 +16,8 @@
 // an interval of s of the length of the footprint, bed by bed. Beds thinner than 1/16 of the footprint
 // contribute their mean. Octaves of the noise shorter than two footprints are omitted.
 //
-// Masks: w = 1 inside the ellipsoid, 0 outside, with a smooth transition over `edge` of its radius.
+// Masks: w = 1 inside the ellipsoid, 0 outside, with a smooth transition over `edge` of its radius. Where many overlap, the
+// product is kept between 1e-30 and 1e30.
 //
 // Limits: the rates of beds and laminae are averaged separately, not their product. Cost: about 60 ns per
 // point on one core with beds and noise.
@@ -36,6 +37,7 @@ namespace {
 constexpr double bed_jitter = 0.3, thinnest_bed = 1.0 / 16.0, laminae_a_bed = 6.0;
 constexpr double farthest_bed = 0x1p40; // beds from the origin: bed numbers stay exact
 constexpr int hardness_octaves = 8;
+constexpr double softest = 1e-30, hardest = 1e30; // where many masks overlap: within what a float holds
 
 struct BedRates {
     double thickness, log_contrast;
@@ -144,7 +146,7 @@ void rock_hardness(const HardnessSettings& settings, std::span<const float> poin
                     }
                     if (noisy) value *= std::exp(log_noise * std::clamp(double(noise[lane]), -3.0, 3.0));
                     for (const HardnessMask& mask : settings.masks) value *= mask_factor(mask, p);
-                    hardness[b * lanes + size_t(lane)] = value;
+                    hardness[b * lanes + size_t(lane)] = std::clamp(value, softest, hardest);
                 }
             }
         });

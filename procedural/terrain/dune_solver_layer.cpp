@@ -19,7 +19,8 @@
 //             from a Weibull distribution (`shape`); a wide spread forms star dunes
 //   record    measured: a CSV with columns time (hours), speed (m/s at 10 m) and direction (degrees clockwise
 //             from north, *from* which it blows; +x is east, -z north). An entry blows until the next one, also
-//             over a gap, which is warned of; the record repeats after its end
+//             over a gap, which is warned of; the record repeats after its end. Entries shorter than a minute are merged
+//             until they last as long, and move as much sand (a warning says so)
 // It may differ from place to place (wind_field.cpp): it follows the curves that `wind_along` names within about
 // `wind_reach`, or `wind_map` gives its parts along and across. The air is computed for one direction in 15
 // degrees of such a field; the report has their number; each after the first adds half of the cost of a step.
@@ -387,8 +388,32 @@ WindRecord dune_record(const LayerContext& context) {
     return record;
 }
 
+// Entries shorter than a minute would each be a time step of the solver.
+WindHistory dune_recorded_wind(const LayerContext& context, const WindRecord& record,
+                               const SandPhysics& physics, double known) {
+    constexpr double shortest = 60.0; // seconds
+    const std::string place = context.values.place("record");
+    if (known < shortest)
+        throw SceneFault("terrain.wind_record", place,
+                         fmt::format("the record covers {:.3g} seconds, less than a minute", known),
+                         "give its times in hours");
+    const std::vector<TimedWind> winds = winds_of(record);
+    if (std::ranges::none_of(winds, [](const TimedWind& timed) { return timed.seconds < shortest; }))
+        return recorded_wind(record);
+    std::vector<TimedWind> merged = merged_winds(winds, shortest, physics);
+    if (context.warn)
+        context.warn(
+            place,
+            fmt::format("the record's entries are as little as {:.3g} s apart: its {} are merged to {} of a "
+                        "minute or more, which move as much sand",
+                        std::ranges::min_element(winds, {}, &TimedWind::seconds)->seconds, winds.size(),
+                        merged.size()),
+            "give its times in hours, or means over some minutes");
+    return wind_sequence(std::move(merged));
+}
+
 // The wind history. `known`: seconds of it that represent its statistics, for the drift potential.
-WindHistory dune_wind(const LayerContext& context, double& known) {
+WindHistory dune_wind(const LayerContext& context, const SandPhysics& physics, double& known) {
     const LayerValues& values = context.values;
     const std::string kind = values.text("wind");
     if (kind != "record" && values.has("record") && context.warn)
@@ -397,7 +422,7 @@ WindHistory dune_wind(const LayerContext& context, double& known) {
     if (kind == "record") {
         const WindRecord record = dune_record(context);
         known = record.time.back() - record.time.front() + last_duration(record);
-        return recorded_wind(record);
+        return dune_recorded_wind(context, record, physics, known);
     }
     const double strength = dune_shear_velocity(context),
                  heading = std::atan2(context.wind.y(), context.wind.x());
@@ -461,7 +486,7 @@ std::unique_ptr<TerrainLayer> make_dune_solver(const LayerContext& context) {
     run.settings.avalanche.starts = values.number("repose") * degree;
     run.settings.avalanche.stops = run.settings.avalanche.starts - degree;
     double known = 0.0;
-    run.wind = dune_wind(context, known);
+    run.wind = dune_wind(context, run.settings.physics, known);
     const bool recorded = values.text("wind") == "record";
     run.field = dune_wind_field(context);
     if (values.has("obstacle")) {

@@ -616,6 +616,16 @@ std::unique_ptr<TerrainLayer> make_lattice(const LayerContext& context) {
                         fold->i, fold->j, at.x(), at.y()),
             "move the points around that cell apart, or spread the shift over more points");
     }
+    double lift = 0.0;
+    for (const Vec3d& offset : net.offsets) lift = std::max(lift, std::abs(offset.y()));
+    const double side = context.domain.cell * std::max(context.domain.nx, context.domain.nz);
+    if (lift > side && context.warn)
+        context.warn(
+            place,
+            fmt::format("the lattice moves the ground up or down by as much as {:.3g} m, more than the "
+                        "terrain's side of {:.3g} m",
+                        lift, side),
+            "check that its curves are drawn in metres");
     return layer;
 }
 

@@ -344,6 +344,10 @@ double SandPhysics::saturated_flux(double shear_velocity) const {
            std::max(0.0, shear_velocity * shear_velocity - threshold * threshold);
 }
 
+double SandPhysics::shear_velocity_of_flux(double flux) const {
+    return std::sqrt(flux * gravity / (flux_scale * air_density * threshold) + threshold * threshold);
+}
+
 SaturationMaxima saturate(const DownwindGrid& course, DuneBorder border, const SandPhysics& physics,
                           double plant_drag, double wind_row, double wind_column, double shear_velocity,
                           const AirFields& air, size_t pitch, const SaturationFields& out) {

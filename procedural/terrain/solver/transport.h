@@ -33,6 +33,8 @@ struct SandPhysics {
     }
     // Saturated flux over level ground, kg / (m s).
     double saturated_flux(double shear_velocity) const;
+    // Its inverse: the shear velocity, at least the threshold, that moves this flux of 0 or more.
+    double shear_velocity_of_flux(double flux) const;
     // Derivative of the saturated flux by the logarithm of the stress.
     double flux_response(double shear_velocity) const {
         return flux_scale * air_density / gravity * threshold * shear_velocity * shear_velocity;

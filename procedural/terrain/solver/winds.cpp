@@ -112,6 +112,66 @@ double last_duration(const WindRecord& record) {
     return count > 1 ? record.time[count - 1] - record.time[count - 2] : seconds_per_hour;
 }
 
+namespace {
+
+// Sums over entries that become one.
+struct WindSum {
+    double seconds = 0.0;
+    Vec2d sand{0, 0}, air{0, 0}; // integrals of flux and shear velocity
+    size_t entries = 0;
+
+    void add(const TimedWind& timed, const SandPhysics& physics) {
+        const Vec2d towards(timed.wind.towards_x, timed.wind.towards_z);
+        seconds += timed.seconds;
+        sand += physics.saturated_flux(timed.wind.shear_velocity) * timed.seconds * towards;
+        air += timed.wind.shear_velocity * timed.seconds * towards;
+        ++entries;
+    }
+    TimedWind merged(const SandPhysics& physics) const {
+        const bool moves = sand.norm() > 0.0;
+        const Vec2d& sum = moves ? sand : air;
+        const double size = sum.norm();
+        if (!(size > 0.0) || !(seconds > 0.0)) return {{}, seconds};
+        const double shear = moves ? physics.shear_velocity_of_flux(size / seconds)
+                                   : std::min(size / seconds, physics.threshold);
+        return {{sum.x() / size, sum.y() / size, shear}, seconds};
+    }
+};
+
+} // namespace
+
+std::vector<TimedWind> winds_of(const WindRecord& record) {
+    std::vector<TimedWind> winds;
+    for (size_t k = 0; k < record.time.size(); ++k)
+        winds.push_back(
+            {wind_from(record.from[k], shear_velocity_of(record.speed[k], 10.0, record.z0)),
+             k + 1 < record.time.size() ? record.time[k + 1] - record.time[k] : last_duration(record)});
+    return winds;
+}
+
+std::vector<TimedWind> merged_winds(std::span<const TimedWind> winds, double shortest,
+                                    const SandPhysics& physics) {
+    std::vector<TimedWind> merged;
+    WindSum sum;
+    for (const TimedWind& timed : winds) {
+        if (sum.entries == 0 && timed.seconds >= shortest) {
+            merged.push_back(timed);
+            continue;
+        }
+        sum.add(timed, physics);
+        if (sum.seconds < shortest) continue;
+        merged.push_back(sum.merged(physics));
+        sum = {};
+    }
+    if (sum.entries == 0) return merged;
+    if (!merged.empty()) { // the rest of the record belongs to its last wind
+        sum.add(merged.back(), physics);
+        merged.pop_back();
+    }
+    merged.push_back(sum.merged(physics));
+    return merged;
+}
+
 WindHistory recorded_wind(const WindRecord& record) {
     std::vector<SandWind> winds;
     std::vector<double> ends;

@@ -64,6 +64,13 @@ double
 last_duration(const WindRecord& record); // seconds that the last entry blows: as long as the one before
 WindHistory recorded_wind(const WindRecord& record);
 
+// The entries of a record in turn.
+std::vector<TimedWind> winds_of(const WindRecord& record);
+// Entries that last less than `shortest` seconds are merged with those after them until they do. What replaces them moves
+// as much sand, as a vector, in the same time; without any, it is their mean wind.
+std::vector<TimedWind> merged_winds(std::span<const TimedWind> winds, double shortest,
+                                    const SandPhysics& physics);
+
 // How the wind differs from place to place, relative to the wind of the moment; per sample (i, j) at j * nx + i.
 // Empty: nowhere.
 struct WindField {

@@ -186,6 +186,12 @@ TEST(Hardness, HasBedsNoiseAndMasks) {
     rock_hardness(settings, points, 0.0, hardness);
     EXPECT_DOUBLE_EQ(hardness[0], 8.0);
     EXPECT_DOUBLE_EQ(hardness[1], 1.0);
+    for (const double extreme : {1e6, 1e-3}) { // more overlap than a float could hold the product of
+        HardnessSettings overlapping;
+        overlapping.masks.assign(200, {Vec3d::Zero(), Vec3d::Ones(), extreme, 0.2});
+        rock_hardness(overlapping, points, 0.0, hardness);
+        EXPECT_TRUE(std::isfinite(float(hardness[0])) && float(hardness[0]) > 0.0F) << hardness[0];
+    }
     settings.strata = {.thickness = 0.5,
                        .contrast = 4.0,
                        .laminae = 0.5,

@@ -96,7 +96,10 @@ TEST_F(GridFiles, RefusesPlacesThatCannotBe) {
         write_exr(path("a.exr"), 1, 1, layers, metadata);
         return read_placement(path("a.exr"));
     };
-    EXPECT_FALSE(read({{"marram:size_x", 1.0}}).size) << "half of it says nothing";
+    EXPECT_THROW(read({{"marram:size_x", 1.0}}), InputError) << "half of it says nothing";
+    EXPECT_THROW(read({{"marram:range_high", 1.0}}), InputError);
+    EXPECT_THROW(read({{"marram:range_low", 0.0}, {"marram:range_high", 1e308}}), InputError)
+        << "all else would be flat";
     EXPECT_FALSE(read({}).range);
     for (const double size : {0.0, -1.0, double(INFINITY), double(NAN)})
         EXPECT_THROW(read({{"marram:size_x", 1.0}, {"marram:size_z", size}}), InputError) << size;

@@ -372,10 +372,17 @@ std::string fault_of(const std::vector<DrawnCurve>& rest, const std::vector<Draw
         text("layer[0].target", MARRAM_CHOICE, "bedrock"), text("layer[0].masks", MARRAM_TEXT, "m, n")};
     const Values all(list);
     const LayerValues values(all, 0);
-    const LayerContext context{
-        values, ground_domain, Vec2d(1, 0),
-        0,      {"n", "m"},    [&](std::string_view name) { return name == "rest" ? rest : bent; },
-        {}};
+    const LayerContext context{values,
+                               ground_domain,
+                               Vec2d(1, 0),
+                               0,
+                               {"n", "m"},
+                               [&](std::string_view name) { return name == "rest" ? rest : bent; },
+                               {},
+                               nullptr,
+                               [&](const std::string&, const std::string& warned, const std::string&) {
+                                   if (what) *what = warned;
+                               }};
     try {
         const auto layer = lattice_layer_type().make(context);
         EXPECT_EQ(layer->mask_names(), (std::vector<std::string>{"m", "n"}));
@@ -418,6 +425,17 @@ TEST(Lattice, RefusesWhatIsNoLattice) {
     other[1].points[1].y() = infinity;
     EXPECT_EQ(fault_of(rest, other), "lattice.too_far");
     EXPECT_EQ(fault_of({}, {}), "lattice.too_few");
+}
+
+TEST(Lattice, WarnsOfALiftBeyondTheTerrain) {
+    LatticeNet net = even_net(6, 5, 4.0);
+    std::string warned;
+    net.offsets[size_t(2 * net.nu + 3)] = {0.0, 5.0, 0.0};
+    EXPECT_EQ(fault_of(rows_of(net, false), rows_of(net, true), &warned), "");
+    EXPECT_EQ(warned, "");
+    net.offsets[size_t(2 * net.nu + 3)] = {0.0, -1e7, 0.0};
+    EXPECT_EQ(fault_of(rows_of(net, false), rows_of(net, true), &warned), "");
+    EXPECT_EQ(warned.find("the lattice moves the ground up or down by as much as 1e+07 m"), 0U) << warned;
 }
 
 TEST(Lattice, RefusesAFoldAndNamesItsCell) {

@@ -83,5 +83,45 @@ TEST(DuneWinds, RecordsAreReadAndSummed) {
     EXPECT_NE(wind_record_problem(record), "");
 }
 
+// However short the entries are, few are left, and they move the same sand in the same time.
+TEST(DuneWinds, ShortEntriesAreMergedWithTheirSand) {
+    const SandPhysics physics;
+    for (const double shear : {physics.threshold, 0.3, 1.7})
+        EXPECT_NEAR(physics.shear_velocity_of_flux(physics.saturated_flux(shear)), shear, 1e-12);
+    for (const double apart : {1e-26, 0.7, 59.0}) {
+        WindRecord record;
+        const int count = apart < 1e-3 ? 1000 : int(600.0 / apart);
+        for (int k = 0; k < count; ++k) {
+            record.time.push_back(k * apart);
+            record.speed.push_back(k % 5 == 0 ? 2.0 : 8.0 + k % 3);
+            record.from.push_back(200.0 + 10.0 * (k % 4));
+        }
+        for (int k = 0; k < 2; ++k) { // the second is long enough and stays as it is
+            record.time.push_back(record.time.back() + 600.0);
+            record.speed.push_back(9.0);
+            record.from.push_back(90.0);
+        }
+        const std::vector<TimedWind> all = winds_of(record), merged = merged_winds(all, 60.0, physics);
+        EXPECT_LE(merged.size(), 13U);
+        EXPECT_EQ(merged.back().wind, all.back().wind);
+        double seconds = 0.0;
+        for (size_t k = 0; k < merged.size(); ++k) {
+            EXPECT_GE(merged[k].seconds, 60.0);
+            seconds += merged[k].seconds;
+        }
+        const DriftPotential before = drift_potential(all, physics), after = drift_potential(merged, physics);
+        EXPECT_NEAR(after.rdp, before.rdp, 1e-9 * before.rdp) << apart;
+        EXPECT_NEAR(after.towards_x, before.towards_x, 1e-9) << apart;
+        EXPECT_NEAR(after.towards_z, before.towards_z, 1e-9) << apart;
+        EXPECT_NEAR(seconds, record.time.back() + last_duration(record), 1e-9 * seconds);
+    }
+    // Too weak to move sand: the mean wind, still below the threshold.
+    const std::vector<TimedWind> weak =
+        merged_winds(std::vector<TimedWind>(4, {{1.0, 0.0, 0.1}, 30.0}), 60.0, physics);
+    ASSERT_EQ(weak.size(), 2U);
+    EXPECT_NEAR(weak[0].wind.shear_velocity, 0.1, 1e-12);
+    EXPECT_EQ(merged_winds(std::vector<TimedWind>(4, {{}, 30.0}), 60.0, physics)[1].wind.shear_velocity, 0.0);
+}
+
 } // namespace
 } // namespace marram

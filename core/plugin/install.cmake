@@ -19,6 +19,35 @@ install(TARGETS marram RUNTIME COMPONENT program)
 install(TARGETS marram_images LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR}/marram COMPONENT program)
 install(DIRECTORY core/plugin/blender/marram_blender DESTINATION ${CMAKE_INSTALL_DATADIR}/marram/blender COMPONENT program
         PATTERN __pycache__ EXCLUDE)
+# Sample scenes with the files that they name, and the page that explains them; not its pictures.
+install(DIRECTORY scenes/ DESTINATION ${CMAKE_INSTALL_DATADIR}/marram/scenes COMPONENT program
+        PATTERN golden EXCLUDE PATTERN pictures EXCLUDE PATTERN "*.states" EXCLUDE PATTERN run EXCLUDE PATTERN setup EXCLUDE)
+# Manual pages and completion, made by the program itself while it is installed.
+set(marram_MADE ${CMAKE_BINARY_DIR}/installed/made)
+install(CODE "
+  function(marram_print file)
+    execute_process(COMMAND \${CMAKE_COMMAND} -E env --unset=MARRAM_PLUGIN_PATH \"$<TARGET_FILE:marram>\" \${ARGN}
+                    OUTPUT_FILE \"\${file}\" RESULT_VARIABLE result)
+    if(NOT result EQUAL 0)
+      message(FATAL_ERROR \"marram \${ARGN}: exit code \${result}: build the targets marram and marram_procedural\")
+    endif()
+  endfunction()
+  file(REMOVE_RECURSE \"${marram_MADE}\")
+  file(MAKE_DIRECTORY \"${marram_MADE}/man\")
+  marram_print(\"${marram_MADE}/names\" man --out \"${marram_MADE}/man\")
+  marram_print(\"${marram_MADE}/marram\" completion bash)
+  marram_print(\"${marram_MADE}/_marram\" completion zsh)
+  # Debian's zsh looks for what packages bring in another folder than for what is installed by hand.
+  set(zsh site-functions)
+  if(CMAKE_INSTALL_PREFIX MATCHES \"/usr$\")
+    set(zsh vendor-completions)
+  endif()
+  set(data \"\$ENV{DESTDIR}\${CMAKE_INSTALL_PREFIX}/${CMAKE_INSTALL_DATADIR}\")
+  file(GLOB pages \"${marram_MADE}/man/*.1\")
+  file(INSTALL \${pages} DESTINATION \"\${data}/man/man1\")
+  file(INSTALL \"${marram_MADE}/marram\" DESTINATION \"\${data}/bash-completion/completions\")
+  file(INSTALL \"${marram_MADE}/_marram\" DESTINATION \"\${data}/zsh/\${zsh}\")
+" COMPONENT program)
 install(TARGETS marram_procedural LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR}/marram COMPONENT plugin)
 install(FILES core/plugin/embree.h core/plugin/marram_types.h core/plugin/marram_plugin.h
               core/plugin/marram_host.h

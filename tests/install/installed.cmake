@@ -77,6 +77,30 @@ if(NOT baked EQUAL strands OR strands LESS 256000)
 endif()
 run(0 COMMAND cmp -i 128:0 meadow.hair strands.bin)
 
+# The same with what pkg-config says alone.
+run(0 ENV PKG_CONFIG_PATH=${prefix}/lib/pkgconfig COMMAND pkg-config --libs marram)
+separate_arguments(libraries UNIX_COMMAND "${out}")
+run(0 ENV PKG_CONFIG_PATH=${prefix}/lib/pkgconfig COMMAND pkg-config --variable=plugin marram)
+string(STRIP "${out}" out)
+run(0 COMMAND ${CC} -std=c99 ${flags} "-DPLUGIN=\"${out}\"" ${example}/host.c -o linked ${libraries})
+run(0 COMMAND ${WORK}/linked meadow.ppm linked.bin)
+run(0 COMMAND cmp linked.bin strands.bin)
+
+# Manual pages, completion and sample scenes with their page.
+foreach(file man/man1/marram.1 man/man1/marram-render.1 man/man1/marram-bake.1 bash-completion/completions/marram zsh/site-functions/_marram
+             marram/scenes/README.md marram/scenes/default.toml)
+  if(NOT EXISTS ${prefix}/share/${file})
+    message(FATAL_ERROR "share/${file} is not installed")
+  endif()
+endforeach()
+file(READ ${prefix}/share/bash-completion/completions/marram script)
+expect("${script}" "complete -F _marram marram")
+file(READ ${prefix}/share/man/man1/marram-render.1 page)
+expect("${page}" "allow\\-library")
+foreach(scene leopard wind_stars) # the files that they name are there
+  run(0 COMMAND ${program} info --keys ${prefix}/share/marram/scenes/${scene}.toml)
+endforeach()
+
 # The search path of a library that a scene names, and of the program's own libraries.
 set(pyramid "[camera]\nposition = [0, 1, 4]\ntarget = [0, 0, 0]\n[[procedural]]\nname = \"tomb\"\ntype = \"pyramid\"\nlibrary = \"libmesh_plugin.so\"\n")
 string(APPEND pyramid "[[procedural]]\nname = \"grass\"\ntype = \"groom\"\non = \"tomb\"\ncount = 10\nlength = 0.1\nwidth = 0.01\n")

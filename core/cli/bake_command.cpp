@@ -2,12 +2,13 @@
 #include "core/cli/commands.h"
 #include "core/cli/interrupt.h"
 #include "core/cli/memory.h"
+#include "core/cli/output.h"
 #include "core/cli/progress.h"
 #include "core/geometry/curve_export.h"
 #include "core/image/atomic_file.h"
 #include "core/image/run_files.h"
 #include "core/math/clock.h"
-#include "core/shot/frame_name.h"
+#include "core/math/frame_name.h"
 #include "core/shot/stats.h"
 
 #include <fmt/format.h>
@@ -15,7 +16,6 @@
 #include <tbb/task_arena.h>
 
 #include <algorithm>
-#include <cstdio>
 #include <optional>
 #include <set>
 
@@ -24,7 +24,7 @@ namespace {
 
 // A .usda holds all frames as time samples, unless its name has a #### for their numbers.
 bool holds_all_frames(const BakeOptions& options) {
-    return options.output.ends_with(".usda") && options.output.find('#') == std::string::npos;
+    return options.output.ends_with(".usda") && !has_frame_mark(options.output);
 }
 
 std::vector<double> frames_to_bake(const BakeOptions& options, const Vec2d& range) {
@@ -79,10 +79,10 @@ void bake_frame(Shot& shot, const BakeOptions& options, const std::string& prefi
         write_colliders(world, colliders, settings.fps);
     }
     for (const std::string& warning : stats.build.warnings)
-        if (warnings.insert(warning).second) fmt::print(stderr, "{}\n", warning);
+        if (warnings.insert(warning).second) print_message("{}\n", warning);
     if (sequence) return;
-    fmt::print("{}\n", output);
-    std::fflush(stdout); // an interrupt may end the process before a later flush
+    print_result("{}\n", output);
+    flush_results();
 }
 
 } // namespace
@@ -118,7 +118,7 @@ int bake_command(const BakeOptions& options) {
     }
     if (sequence) {
         sequence->commit();
-        fmt::print("{}\n", options.output);
+        print_result("{}\n", options.output);
     }
     stats_file.finish();
     return 0;

@@ -5,19 +5,18 @@
 #include "core/cli/exit_codes.h"
 #include "core/cli/interrupt.h"
 #include "core/cli/memory.h"
+#include "core/cli/output.h"
 #include "core/scene/suggest.h"
 
 #include <CLI/CLI.hpp>
 #include <fmt/format.h>
 #include <tbb/task_arena.h>
 
-#include <cerrno>
 #include <charconv>
 #include <cmath>
 #include <csignal>
-#include <cstdio>
-#include <cstring>
 #include <functional>
+#include <sstream>
 
 namespace marram {
 namespace {
@@ -59,12 +58,22 @@ struct Texts { // options that are checked after parsing
     double frame = 0.0;
 };
 
+void add_allow_library(CLI::App& command, std::vector<std::string>& libraries) {
+    command
+        .add_option("--allow-library", libraries,
+                    "let the scene load this library, whose code then runs; those in the folders of "
+                    "MARRAM_PLUGIN_PATH and of the program need no permission")
+        ->type_name("FILE")
+        ->allow_extra_args(false);
+}
+
 void add_scene(CLI::App& command, CommonOptions& options) {
     command.add_option("scene", options.scene, "scene file (.toml)")->required();
     command
         .add_option("--set", options.overrides.settings, "change any key of the scene, such as wind.speed=4")
         ->type_name("KEY=VALUE")
         ->allow_extra_args(false);
+    add_allow_library(command, options.overrides.allowed_libraries);
     command.add_option("--threads", options.threads, "threads to use; default: one a processor")
         ->check(CLI::Range(1, 1024));
     command
@@ -249,6 +258,7 @@ void add_info(CLI::App& app, Commands& c) {
                         "a procedural, shader or table, or a scene file; default: everything");
     command->add_flag("--keys", c.info.keys,
                       "only the keys that --set changes, of a scene or of every scene, one a line");
+    add_allow_library(*command, c.info.allowed_libraries);
     command->callback([&c] { c.chosen = [&c] { return info_command(c.info); }; });
 }
 
@@ -309,17 +319,17 @@ void add_man(CLI::App& app, Commands& c) {
 }
 
 int report(const InputError& error) {
-    for (const Problem& problem : error.problems) fmt::print(stderr, "{}\n", to_string(problem));
+    print_problems(error.problems);
     return exit_bad_input;
 }
 
-// Flushes stdout and reports a failed write, such as on a full disk.
-void check_standard_output() {
-    const bool flushed = std::fflush(stdout) == 0; // on failure errno has the reason
-    const std::string reason = flushed ? "" : std::string(" (") + std::strerror(errno) + ")";
-    if (!flushed || std::ferror(stdout) != 0)
-        throw InputError({"standard output"}, "could not be written" + reason,
-                         "check where it goes; the files that it would have named are whole");
+// Prints what CLI11 has to say to --help and --version.
+int print_help(const CLI::App& app, const CLI::ParseError& error) {
+    std::ostringstream text;
+    const int code = app.exit(error, text, text);
+    write_result(text.str());
+    check_results();
+    return code;
 }
 
 // CLI11 would say that a subcommand is required, not that this is none.
@@ -342,7 +352,7 @@ int threads_of(const CommonOptions& options) {
 
 Shot open_shot(const CommonOptions& options) {
     Shot shot = load_shot(options.scene, options.overrides, interrupted());
-    for (const std::string& warning : shot.warnings) fmt::print(stderr, "{}\n", warning);
+    for (const std::string& warning : shot.warnings) print_message("{}\n", warning);
     return shot;
 }
 
@@ -350,6 +360,7 @@ int run(int argc, char** argv) {
     CLI::App app("Wind on hair, fur and grass, applied while the renderer tessellates its scene.", "marram");
     app.set_version_flag("--version", "marram " MARRAM_VERSION);
     app.require_subcommand(1);
+    keep_running_without_reader();
     Commands commands;
     add_render(app, commands);
     add_bake(app, commands);
@@ -372,15 +383,20 @@ int run(int argc, char** argv) {
     } catch (const InputError& error) {
         return report(error);
     } catch (const CLI::ParseError& error) {
-        if (error.get_exit_code() == 0) return app.exit(error); // --help, --version
-        return report(
-            InputError({"marram"}, error.what(), "see `marram --help` and `marram COMMAND --help`"));
+        if (error.get_exit_code() != 0)
+            return report(
+                InputError({"marram"}, error.what(), "see `marram --help` and `marram COMMAND --help`"));
+        try {
+            return print_help(app, error);
+        } catch (const InputError& unwritten) {
+            return report(unwritten);
+        }
     }
     std::signal(SIGXFSZ, SIG_IGN); // exceeding the file size limit becomes a failed write, which is reported
     watch_interrupts();
     try {
         const int code = commands.chosen();
-        check_standard_output();
+        check_results();
         return code;
     } catch (const InputError& error) {
         return report(error);
@@ -388,11 +404,9 @@ int run(int argc, char** argv) {
         return exit_interrupted;
     } catch (const std::exception& error) {
         if (is_lack_of_memory(error)) {
-            std::fflush(stdout);
-            end_for_lack_of_memory();
+            flush_results();
+            end_for_lack_of_memory_or_threads();
         }
-        if (dynamic_cast<const std::system_error*>(&error)) // thrown by fmt for stdout
-            return report(InputError({"standard output"}, error.what(), "check where its output goes"));
         return report(InputError({"marram"}, error.what(), "report it as a defect, with the scene"));
     }
 }

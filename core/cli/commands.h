@@ -59,6 +59,7 @@ struct CompareOptions {
 struct InfoOptions {
     std::string subject; // "" for everything
     bool keys = false;   // print only the keys that --set can change
+    std::vector<std::string> allowed_libraries;
 };
 
 struct SheetOptions {

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/cli/commands.h"
+#include "core/cli/output.h"
 #include "core/compare/compare_page.h"
 #include "core/image/atomic_file.h"
 #include "core/math/problem.h"
@@ -37,46 +38,46 @@ std::string make_report_folder(const std::string& folder) {
 
 void print_reading(const Picture& a, const Picture& b, const Comparison& c) {
     if (a.read_as != "linear" || b.read_as != "linear")
-        fmt::print("{:<12} A {}, B {}\n", "read as", a.read_as, b.read_as);
-    if (c.swapped) fmt::print("{:<12} A carries limits: B is judged by it\n", "golden");
+        print_result("{:<12} A {}, B {}\n", "read as", a.read_as, b.read_as);
+    if (c.swapped) print_result("{:<12} A carries limits: B is judged by it\n", "golden");
 }
 
 // What the tests of noise would have found.
 void print_power(const Comparison& c) {
     if (c.light > 0.0) {
-        fmt::print("{:<12} differences of the mean by size, in % of the picture's light:", "found from");
+        print_result("{:<12} differences of the mean by size, in % of the picture's light:", "found from");
         for (const ScaleResult& s : c.scales)
-            fmt::print(" {} {:.2g}", s.size == 0 ? std::string("whole") : fmt::format("{}", s.size),
+            print_result(" {} {:.2g}", s.size == 0 ? std::string("whole") : fmt::format("{}", s.size),
                        100.0 * s.limit * s.deviation / c.light);
-        fmt::print("\n");
+        print_result("\n");
     }
     if (c.ratios.empty()) return;
-    fmt::print("{:<12} squared differences relative to the variance (limit) by size:", "over all");
-    for (const RatioResult& r : c.ratios) fmt::print(" {} {:.3g} ({:.3g})", r.size, r.ratio, r.limit);
-    fmt::print("\n");
+    print_result("{:<12} squared differences relative to the variance (limit) by size:", "over all");
+    for (const RatioResult& r : c.ratios) print_result(" {} {:.3g} ({:.3g})", r.size, r.ratio, r.limit);
+    print_result("\n");
 }
 
 void print(const Comparison& c) {
     for (const LayerResult& layer : c.layers)
-        fmt::print("{:<12} RMSE {:.4g}, relative MSE {:.4g}, PSNR {:.2f} dB, at most {:.4g}{}\n",
-                   layer.name.empty() ? "picture" : layer.name, layer.rmse, layer.relative_mse, layer.psnr,
-                   layer.most, layer.name.empty() ? ", of linear light" : "");
-    fmt::print("{:<12} mean {:.4g}, 99th percentile {:.4g}, worst window {:.4g} at ({}, {}) ({})\n", "FLIP",
-               c.flip_mean, c.flip_99, c.flip_window, c.flip_window_x, c.flip_window_y, c.flip_kind());
-    fmt::print("{:<12} {:.5g}\n", "SSIM", c.ssim);
+        print_result("{:<12} RMSE {:.4g}, relative MSE {:.4g}, PSNR {:.2f} dB, at most {:.4g}{}\n",
+                     layer.name.empty() ? "picture" : layer.name, layer.rmse, layer.relative_mse, layer.psnr,
+                     layer.most, layer.name.empty() ? ", of linear light" : "");
+    print_result("{:<12} mean {:.4g}, 99th percentile {:.4g}, worst window {:.4g} at ({}, {}) ({})\n", "FLIP",
+                 c.flip_mean, c.flip_99, c.flip_window, c.flip_window_x, c.flip_window_y, c.flip_kind());
+    print_result("{:<12} {:.5g}\n", "SSIM", c.ssim);
     if (!c.scales.empty()) {
-        fmt::print("{:<12} standard deviations (limit) by size:", "noise");
+        print_result("{:<12} standard deviations (limit) by size:", "noise");
         for (const ScaleResult& s : c.scales)
-            fmt::print(" {} {:.3g} ({:.3g})", s.size == 0 ? std::string("whole") : fmt::format("{}", s.size),
+            print_result(" {} {:.3g} ({:.3g})", s.size == 0 ? std::string("whole") : fmt::format("{}", s.size),
                        s.worst, s.limit);
-        fmt::print("\n");
+        print_result("\n");
         print_power(c);
     } else {
-        fmt::print("{:<12} not known: {}\n", "noise", c.unknown);
+        print_result("{:<12} not known: {}\n", "noise", c.unknown);
     }
-    for (const std::string& note : c.notes) fmt::print("{}\n", note);
-    for (const std::string& fault : c.faults) fmt::print("{}\n", fault);
-    fmt::print("{}\n", c.different() ? "different"
+    for (const std::string& note : c.notes) print_result("{}\n", note);
+    for (const std::string& fault : c.faults) print_result("{}\n", fault);
+    print_result("{}\n", c.different() ? "different"
                        : c.equal     ? "alike: every number is the same"
                        : c.alike()   ? "alike"
                                      : "cannot tell: " + c.doubt);
@@ -88,15 +89,15 @@ int compare_files(const CompareOptions& options) {
     const Comparison comparison =
         compare_pictures(test.picture, reference.picture, options.test, options.reference);
     const std::string page = options.report.empty() ? "" : make_report_folder(options.report);
-    if (!page.empty()) check_writable(page);
+    if (!page.empty()) check_writable(page, Links::replace);
     print_reading(test.picture, reference.picture, comparison);
     print(comparison);
     if (!page.empty()) {
         const std::string text = compare_page(test, reference, comparison);
-        AtomicFile writer(page);
+        AtomicFile writer(page, Links::replace);
         writer.write(text);
         writer.commit();
-        fmt::print("{}\n", page);
+        print_result("{}\n", page);
     }
     return comparison.different() ? exit_different : comparison.alike() ? exit_done : exit_bad_input;
 }

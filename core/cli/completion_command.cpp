@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/cli/commands.h"
+#include "core/cli/output.h"
 #include "core/image/atomic_file.h"
 #include "core/manual/man_page.h"
 #include "core/manual/scene_reference.h"
@@ -13,7 +14,7 @@ namespace marram {
 
 int completion_command(const std::string& shell, const ProgramText& text) {
     const CompletionWords words = completion_words(default_plugins());
-    fmt::print("{}", shell == "bash" ? bash_completion(text, words) : zsh_completion(text, words));
+    print_result("{}", shell == "bash" ? bash_completion(text, words) : zsh_completion(text, words));
     return exit_done;
 }
 
@@ -23,7 +24,7 @@ int man_command(const ManOptions& options, const ProgramText& text) {
         return command == text.commands.end() ? program_page(text) : command_page(text, *command);
     };
     if (options.folder.empty()) {
-        fmt::print("{}", page(options.command));
+        print_result("{}", page(options.command));
         return exit_done;
     }
     std::vector<std::string> names = {options.command};
@@ -37,10 +38,10 @@ int man_command(const ManOptions& options, const ProgramText& text) {
     for (const std::string& name : names) {
         const std::string file = "marram" + (name.empty() ? "" : "-" + name) + ".1";
         const std::string path = (std::filesystem::path(options.folder) / file).string();
-        AtomicFile writer(path);
+        AtomicFile writer(path, Links::replace);
         writer.write(page(name));
         writer.commit();
-        fmt::print("{}\n", path);
+        print_result("{}\n", path);
     }
     return exit_done;
 }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/cli/commands.h"
 #include "core/cli/interrupt.h"
+#include "core/cli/output.h"
 #include "core/manual/scene_reference.h"
 #include "core/shot/scene_keys.h"
 #include "core/shot/scene_summary.h"
@@ -13,20 +14,23 @@
 namespace marram {
 namespace {
 
-void print_scene(const std::string& file) {
+void print_scene(const InfoOptions& asked) {
     CommonOptions options;
-    options.scene = file;
+    options.scene = asked.subject;
+    options.overrides.allowed_libraries = asked.allowed_libraries;
     Shot shot = open_shot(options);
-    fmt::print("{}", scene_summary(shot, interrupted()));
+    print_result("{}", scene_summary(shot, interrupted()));
 }
 
 // Reads only the scene file, not the files that it names.
-void print_keys(const std::string& scene) {
+void print_keys(const InfoOptions& asked) {
     PluginSet plugins = default_plugins();
+    plugins.allowed = asked.allowed_libraries;
+    const std::string& scene = asked.subject;
     const std::vector<std::string> keys =
         scene.empty() ? keys_of_tables(plugins.schema)
                       : keys_of_scene(describe_scene(scene, {}, plugins), plugins.schema);
-    for (const std::string& key : keys) fmt::print("{}\n", key);
+    for (const std::string& key : keys) print_result("{}\n", key);
 }
 
 bool is_scene(const std::string& subject) { return std::filesystem::path(subject).extension() == ".toml"; }
@@ -39,9 +43,9 @@ int info_command(const InfoOptions& options) {
         if (!subject.empty() && !is_scene(subject))
             throw InputError({"marram info --keys " + subject}, "this is no scene",
                              "name a scene file (.toml), or none");
-        print_keys(subject);
+        print_keys(options);
     } else if (is_scene(subject)) {
-        print_scene(subject);
+        print_scene(options);
     } else {
         const PluginSet plugins = default_plugins();
         const std::string text = reference_text(plugins, subject);
@@ -49,7 +53,7 @@ int info_command(const InfoOptions& options) {
             throw InputError({"marram info " + subject}, "there is no such subject",
                              fmt::format("ask for a scene file (.toml) or one of: {}",
                                          fmt::join(reference_subjects(plugins), ", ")));
-        fmt::print("{}", text);
+        print_result("{}", text);
     }
     return exit_done;
 }

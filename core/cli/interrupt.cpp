@@ -34,7 +34,8 @@ void watch(sigset_t signals) {
     const timespec pause{0, 20'000'000};
     for (double waited = 0.0;; waited += 0.02) {
         timespec none{0, 0};
-        const bool again = sigtimedwait(&signals, nullptr, &none) > 0;
+        const int next = sigtimedwait(&signals, nullptr, &none);
+        const bool again = next == SIGINT || next == SIGTERM || next == SIGHUP;
         if (again || (waited > grace_seconds && exit_blockers.load() == 0)) exit_now();
         nanosleep(&pause, nullptr);
     }
@@ -50,9 +51,11 @@ void watch_interrupts() {
     sigemptyset(&signals);
     sigaddset(&signals, SIGINT);
     sigaddset(&signals, SIGTERM);
-    struct sigaction hangup {};
-    if (sigaction(SIGHUP, nullptr, &hangup) == 0 && hangup.sa_handler != SIG_IGN) // keep nohup's SIG_IGN
-        sigaddset(&signals, SIGHUP);
+    for (const int signal : {SIGHUP, SIGUSR1, SIGUSR2, SIGXCPU}) {
+        struct sigaction action {};
+        if (sigaction(signal, nullptr, &action) == 0 && action.sa_handler != SIG_IGN) // keep nohup's SIG_IGN
+            sigaddset(&signals, signal);
+    }
     pthread_sigmask(SIG_BLOCK, &signals, nullptr);
     std::thread(watch, signals).detach();
 }

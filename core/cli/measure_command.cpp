@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/cli/commands.h"
 #include "core/cli/interrupt.h"
+#include "core/cli/output.h"
 #include "core/cli/progress.h"
 #include "core/image/atomic_file.h"
 #include "core/measure/measure.h"
@@ -17,7 +18,7 @@ namespace {
 namespace fs = std::filesystem;
 
 void write_file(const fs::path& path, const std::string& text) {
-    AtomicFile writer(path.string());
+    AtomicFile writer(path.string(), Links::replace);
     writer.write(text);
     writer.commit();
 }
@@ -45,7 +46,7 @@ void make_folder(const std::string& folder) {
         throw InputError({folder}, "the folder for the report cannot be made",
                          "name another with --out, or make it");
     for (const char* name : {"measure.html", "measure.csv"})
-        check_writable((fs::path(folder) / name).string());
+        check_writable((fs::path(folder) / name).string(), Links::replace);
 }
 
 } // namespace
@@ -67,11 +68,12 @@ int measure_command(const MeasureOptions& options) {
         });
         arena.execute([&] { measure(shot, request, progress, interrupted(), measurement); });
     } catch (const Cancelled&) {
-        for (const std::string& path : write_report(measurement, options.out, true)) fmt::print("{}\n", path);
+        for (const std::string& path : write_report(measurement, options.out, true))
+            print_result("{}\n", path);
         throw;
     }
-    fmt::print("{}\n", to_table(measurement));
-    for (const std::string& path : write_report(measurement, options.out, false)) fmt::print("{}\n", path);
+    print_result("{}\n", to_table(measurement));
+    for (const std::string& path : write_report(measurement, options.out, false)) print_result("{}\n", path);
     return 0;
 }
 

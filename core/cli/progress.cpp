@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/cli/progress.h"
+#include "core/cli/output.h"
 
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <chrono>
-#include <cstdio>
 
 #include <unistd.h>
 
@@ -42,13 +42,11 @@ ProgressLine::ProgressLine(bool quiet, std::function<ProgressState()> ask) : ask
             const double fraction = std::clamp(state.fraction, 0.0, 1.0);
             const int full = int(fraction * bar_width);
             const double elapsed = std::chrono::duration<double>(Clock::now() - begin).count();
-            fmt::print(stderr, "\r\033[K{:<20} [{:#<{}}{:.<{}}] {:3.0f} %  {}", phase, "", full, "",
-                       bar_width - full, 100.0 * fraction, time_left(elapsed, fraction - first, fraction));
-            std::fflush(stderr);
+            print_message("\r\033[K{:<20} [{:#<{}}{:.<{}}] {:3.0f} %  {}", phase, "", full, "",
+                          bar_width - full, 100.0 * fraction, time_left(elapsed, fraction - first, fraction));
             std::this_thread::sleep_for(interval);
         }
-        fmt::print(stderr, "\r\033[K");
-        std::fflush(stderr);
+        print_message("\r\033[K");
     });
 }
 

@@ -3,13 +3,14 @@
 #include "core/cli/exit_codes.h"
 #include "core/cli/interrupt.h"
 #include "core/cli/memory.h"
+#include "core/cli/output.h"
 #include "core/cli/progress.h"
 #include "core/image/atomic_file.h"
 #include "core/image/image_library.h"
 #include "core/image/run_files.h"
+#include "core/math/frame_name.h"
 #include "core/shot/film_state.h"
 #include "core/shot/frame.h"
-#include "core/shot/frame_name.h"
 #include "core/shot/material_checks.h"
 #include "core/shot/picture_file.h"
 
@@ -64,7 +65,7 @@ void check_layer_pictures(const Shot& shot, const RenderOptions& options, size_t
                                  ":0-20=" + picture.file);
         if (lower_extension(picture.file) != ".png")
             throw InputError({picture.file}, "--png writes no other format", "name it .png");
-        if (frames > 1 && picture.file.find('#') == std::string::npos)
+        if (frames > 1 && !has_frame_mark(picture.file))
             throw InputError({"--png " + picture.layer},
                              "all frames would go to one file, '" + picture.file + "'",
                              "put a #### where the frame's number belongs");
@@ -84,7 +85,7 @@ void warn_of_unwritten_layers(const Shot& shot, const RenderOptions& options) {
         aovs->place,
         fmt::format("film.aovs: not written: {}: a PNG holds the picture alone", fmt::join(unwritten, ", ")),
         "write an .exr, or a layer to a file of its own with --png", ""};
-    fmt::print(stderr, "{}\n", to_string(problem));
+    print_message("{}\n", to_string(problem));
 }
 
 // Checks layers and materials before anything is built.
@@ -95,7 +96,7 @@ void check_contents(const Shot& shot, const RenderOptions& options, size_t frame
         throw InputError({"--aov " + options.layers.front()}, "a PNG holds the picture alone",
                          "write an .exr, or the layer to a file of its own with --png");
     warn_of_unwritten_layers(shot, options);
-    for (const std::string& warning : check_materials(shot)) fmt::print(stderr, "{}\n", warning);
+    for (const std::string& warning : check_materials(shot)) print_message("{}\n", warning);
 }
 
 // The layers that the film needs besides the scene's.
@@ -117,20 +118,20 @@ ProgressState state_of(const FrameProgress& progress, const std::string& prefix)
 
 void save(Frame& frame, Preview& preview, bool quiet) {
     const RenderStats& render = frame.stats.render;
-    for (const std::string& warning : render_warnings(frame)) fmt::print(stderr, "{}\n", warning);
+    for (const std::string& warning : render_warnings(frame)) print_message("{}\n", warning);
     if (render.clamped_fraction > 0.0 && !quiet)
-        fmt::print(stderr, "{}: film.clamp took {:.2g} % of the light\n", frame.files.picture,
-                   100.0 * render.clamped_fraction);
+        print_message("{}: film.clamp took {:.2g} % of the light\n", frame.files.picture,
+                      100.0 * render.clamped_fraction);
     const SavedFrame saved = save_frame(frame);
-    for (const std::string& layer : saved.layers) fmt::print("{}\n", layer);
-    fmt::print("{}\n", saved.picture);
-    std::fflush(stdout); // an interrupt may end the process before a later flush
+    for (const std::string& layer : saved.layers) print_result("{}\n", layer);
+    print_result("{}\n", saved.picture);
+    flush_results();
     if (!saved.state_error.empty())
-        fmt::print(stderr, "{}\n{}: --resume will start this frame again\n", saved.state_error,
-                   frame.files.picture);
+        print_message("{}\n{}: --resume will start this frame again\n", saved.state_error,
+                      frame.files.picture);
     if (saved.whole) remove_unfinished(frame.files);
     if (!render.cancelled) preview.finish();
-    if (!preview.fault().empty()) fmt::print(stderr, "{}\n", preview.fault());
+    if (!preview.fault().empty()) print_message("{}\n", preview.fault());
 }
 
 // Renders one frame to its files. kept: geometry kept from frame to frame. exit_blocker: set from the start of
@@ -145,7 +146,7 @@ void render_frame(Frame& frame, KeptGeometry& kept, const std::string& prefix, b
         world = build_frame(frame, std::exchange(kept, {}));
     }
     const ResumedFrame resumed = resume_frame(frame);
-    if (!resumed.message.empty() && (resumed.refused || !quiet)) fmt::print(stderr, "{}\n", resumed.message);
+    if (!resumed.message.empty() && (resumed.refused || !quiet)) print_message("{}\n", resumed.message);
     exit_blocker.emplace();
     {
         const ProgressLine line(quiet, state);
@@ -184,7 +185,7 @@ int render_command(const RenderOptions& options) {
     bool first = true;
     for (const FrameFiles& files : all_files) {
         if (options.resume && is_rendered(files)) {
-            if (!options.quiet) fmt::print(stderr, "{}: is there already\n", files.picture);
+            if (!options.quiet) print_message("{}: is there already\n", files.picture);
             continue;
         }
         const auto number = &files - all_files.data() + 1;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/cli/commands.h"
 #include "core/cli/interrupt.h"
+#include "core/cli/output.h"
 #include "core/cli/progress.h"
 #include "core/image/atomic_file.h"
 #include "core/image/run_files.h"
@@ -43,8 +44,8 @@ int sheet_command(const SheetOptions& options) {
             done = i;
         });
     }
-    if (!warning.empty()) fmt::print(stderr, "{}\n", warning);
-    fmt::print("{}\n", options.output);
+    if (!warning.empty()) print_message("{}\n", warning);
+    print_result("{}\n", options.output);
     return 0;
 }
 

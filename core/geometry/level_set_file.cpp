@@ -25,6 +25,7 @@
 #include <cerrno>
 #include <cmath>
 #include <csignal>
+#include <cstring>
 #include <fstream>
 #include <new>
 #include <sstream>
@@ -222,6 +223,7 @@ FloatGrid::Ptr read_in_child_process(const std::string& path, std::string& bytes
     if (::pipe2(pipe_ends, O_CLOEXEC) != 0)
         throw InputError(Place{path}, "cannot be read: too many files are open", "close some");
     const pid_t child = ::fork();
+    const int fork_error = errno;
     if (child == 0) {
         ::close(pipe_ends[0]); // so that it ends if the parent does
         child_main(pipe_ends[1], bytes);
@@ -232,7 +234,10 @@ FloatGrid::Ptr read_in_child_process(const std::string& path, std::string& bytes
     FloatGrid::Ptr grid;
     Refusal refusal;
     try {
-        if (child < 0) throw Refusal{"cannot be read: no process can be started", "free some memory"};
+        if (child < 0)
+            throw Refusal{
+                fmt::format("cannot be read: no process can be started ({})", std::strerror(fork_error)),
+                "raise the limit on processes (ulimit -u), or free some memory"};
         grid = receive_grid(pipe_ends[0]);
     } catch (const Refusal& fault) {
         refusal = fault;

@@ -7,6 +7,8 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <cctype>
+#include <string_view>
 
 namespace marram {
 namespace {
@@ -27,8 +29,29 @@ Kind kind_of(const OptionText& option) {
     return option.value.starts_with("LAYER") ? Kind::layer_picture : Kind::nothing;
 }
 
+// Escapes text for use within single quotes.
+std::string single_quoted(const std::string& text) {
+    std::string out;
+    for (const char c : text)
+        if (c == '\'')
+            out += "'\\''";
+        else
+            out += c;
+    return out;
+}
+
+// A word that a shell takes as it is written: in single quotes if it has characters that mean something to one.
+std::string shell_word(const std::string& word) {
+    const auto plain = [](unsigned char c) {
+        return std::isalnum(c) || std::string_view("_-+./:,#@%").find(char(c)) != std::string_view::npos;
+    };
+    return !word.empty() && std::ranges::all_of(word, plain) ? word : "'" + single_quoted(word) + "'";
+}
+
 std::string words_of(const std::vector<std::string>& words) {
-    return fmt::format("{}", fmt::join(words, " "));
+    std::vector<std::string> quoted;
+    for (const std::string& word : words) quoted.push_back(shell_word(word));
+    return fmt::format("{}", fmt::join(quoted, " "));
 }
 
 std::string names_of_options(const CommandText& command) {
@@ -79,7 +102,7 @@ _marram_layer_picture() {
     fi
 }
 _marram_keys() {
-    local key scene= program=${COMP_WORDS[0]/#\~/$HOME}
+    local key quoted scene= program=${COMP_WORDS[0]/#\~/$HOME}
     local -a keys
     [[ $inside ]] && return
     for key in "${COMP_WORDS[@]}"; do [[ $key == *.toml ]] && scene=${key/#\~/$HOME}; done
@@ -87,7 +110,10 @@ _marram_keys() {
     [[ $scene ]] && mapfile -t keys < <("$program" info --keys "$scene" 2>/dev/null)
     [[ ${keys[*]} ]] || mapfile -t keys < <("$program" info --keys 2>/dev/null)
     compopt -o nospace 2>/dev/null
-    for key in "${keys[@]}"; do [[ $key == "$word"* && $key != *' '* ]] && COMPREPLY+=("$key="); done
+    for key in "${keys[@]}"; do # names in a scene may contain anything
+        printf -v quoted %q "$key"
+        [[ $key == "$word"* || $quoted == "$word"* ]] && COMPREPLY+=("$quoted=")
+    done
 }
 _marram() {
     local word=${COMP_WORDS[COMP_CWORD]} at=$((COMP_CWORD - 1)) equals= inside= command= scene= i
@@ -114,6 +140,16 @@ _marram() {
     case "$command ${COMP_WORDS[at]}" in
 )bash";
 
+// A list of words in double quotes. compgen -W expands what is in it once more.
+std::string bash_words(const std::vector<std::string>& words) {
+    std::string out = "\"";
+    for (const char c : words_of(words)) {
+        if (std::string_view("\\\"$`").find(c) != std::string_view::npos) out += '\\';
+        out += c;
+    }
+    return out + "\"";
+}
+
 std::string bash_action(const OptionText& option, const CompletionWords& words) {
     switch (kind_of(option)) {
     case Kind::nothing:
@@ -126,16 +162,16 @@ std::string bash_action(const OptionText& option, const CompletionWords& words) 
         return "_marram_scenes";
     case Kind::subject:
         return fmt::format(
-            "_marram_scenes; mapfile -t -O ${{#COMPREPLY[@]}} COMPREPLY < <(compgen -W \"{}\" -- \"$word\")",
-            words_of(words.subjects));
+            "_marram_scenes; mapfile -t -O ${{#COMPREPLY[@]}} COMPREPLY < <(compgen -W {} -- \"$word\")",
+            bash_words(words.subjects));
     case Kind::choice:
-        return fmt::format("_marram_words \"{}\"", words_of(option.choices));
+        return fmt::format("_marram_words {}", bash_words(option.choices));
     case Kind::key:
         return "_marram_keys";
     case Kind::layers:
-        return fmt::format("_marram_list \"{}\"", words_of(words.layers));
+        return fmt::format("_marram_list {}", bash_words(words.layers));
     case Kind::layer_picture:
-        return fmt::format("_marram_layer_picture \"{}\"", words_of(words.layers));
+        return fmt::format("_marram_layer_picture {}", bash_words(words.layers));
     }
     return ":";
 }
@@ -165,17 +201,6 @@ _marram() {
     local -a commands
     local _marram_program=${~words[1]}
 )zsh";
-
-// Escapes text for use within single quotes.
-std::string single_quoted(const std::string& text) {
-    std::string out;
-    for (const char c : text)
-        if (c == '\'')
-            out += "'\\''";
-        else
-            out += c;
-    return out;
-}
 
 std::string escaped(const std::string& text, const std::string& special) {
     std::string out;

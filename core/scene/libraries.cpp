@@ -33,7 +33,18 @@ std::string library_path(const std::string& folder, const std::string& name) {
     return own.string();
 }
 
-std::vector<LibraryName> scene_libraries(const std::string& file, const std::vector<std::string>& settings) {
+bool is_allowed_library(const std::string& path, const std::vector<std::string>& allowed) {
+    std::error_code error;
+    const auto same = [&](const fs::path& a, const fs::path& b) { return fs::equivalent(a, b, error); };
+    const fs::path file = fs::absolute(path, error), behind_links = fs::weakly_canonical(file, error);
+    for (const std::string& folder : plugin_folders())
+        if (same(file.parent_path(), folder) || same(behind_links.parent_path(), folder)) return true;
+    return std::any_of(allowed.begin(), allowed.end(),
+                       [&](const std::string& one) { return same(file, one); });
+}
+
+std::vector<LibraryName> scene_libraries(const std::string& file, const std::vector<std::string>& settings,
+                                         const std::vector<std::string>& allowed) {
     Reading reading;
     reading.file = file;
     toml::table root = parse_scene(reading);
@@ -48,7 +59,7 @@ std::vector<LibraryName> scene_libraries(const std::string& file, const std::vec
             library_path(fs::path(file).parent_path().string(), node->as_string()->get());
         const bool is_new = std::none_of(libraries.begin(), libraries.end(),
                                          [&](const LibraryName& library) { return library.path == path; });
-        if (is_new) libraries.push_back({path, place_of(*node, reading)});
+        if (is_new) libraries.push_back({path, place_of(*node, reading), is_allowed_library(path, allowed)});
     }
     return libraries;
 }

@@ -13,15 +13,22 @@ namespace marram {
 struct LibraryName {
     std::string path; // to open it
     Place place;
+    bool allowed = false; // it may be loaded: is_allowed_library()
 };
 
 // The `library` of every [[procedural]] that has one, after applying `settings`; each path once, in the order
 // of the file. Throws InputError if the file cannot be parsed. All other mistakes are left to load_scene().
-std::vector<LibraryName> scene_libraries(const std::string& file, const std::vector<std::string>& settings);
+// allowed: libraries that the user has allowed by name.
+std::vector<LibraryName> scene_libraries(const std::string& file, const std::vector<std::string>& settings,
+                                         const std::vector<std::string>& allowed = {});
 
 // Search path of libraries that are named without a folder: the folders in MARRAM_PLUGIN_PATH, separated by
 // colons, then the folder of the program, then the one that `cmake --install` uses.
 std::vector<std::string> plugin_folders();
+
+// Whether a library may be loaded. Its code runs with the user's rights, and a scene may come from anywhere. So it must lie
+// in one of plugin_folders() (links resolved, and not in a folder below) or be one of `allowed`.
+bool is_allowed_library(const std::string& path, const std::vector<std::string>& allowed);
 
 // The file of a library that a scene in `folder` names: relative to that folder or, if there is no such file
 // and the name has no folder, the first found in plugin_folders(). If none exists, the path relative to

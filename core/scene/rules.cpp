@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/scene/rules.h"
+#include "core/math/frame_name.h"
 #include "core/scene/suggest.h"
 #include "core/scene/table.h"
 
@@ -82,7 +83,7 @@ void check_files(const std::vector<Item>& items, const char* kind, const char* t
                        [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
         const ParamValue* frames = item.params.find("file_frames");
         const std::string name = fmt::format("{}.{}", kind, clean(item.name));
-        if (frames && file->text.find('#') == std::string::npos)
+        if (frames && !has_frame_mark(file->text))
             reading.report(file->place, fmt::format("{}.file is one file for all of file_frames", name),
                            "put a #### where the frame's number belongs, or leave file_frames out");
         if (frames && frames->numbers[1] - frames->numbers[0] >= most_shapes)

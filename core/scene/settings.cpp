@@ -189,10 +189,24 @@ Target find_target(toml::table& root, const std::string& address, const std::str
     return {};
 }
 
+// Position of the = between key and value. Names of items may contain one as well.
+size_t equals_of(toml::table& root, const std::string& setting) {
+    const size_t begin = std::min(setting.find_first_not_of(" \t"), setting.size());
+    const size_t dot = std::min(setting.find('.', begin), setting.size());
+    const size_t rest = std::min(dot + 1, setting.size());
+    size_t name_size = 0;
+    std::vector<std::string> names;
+    if (find_item(root, setting.substr(begin, dot - begin), std::string_view(setting).substr(rest), name_size,
+                  names))
+        if (const size_t equals = setting.find('=', rest + name_size); equals != std::string::npos)
+            return equals;
+    return setting.find('=');
+}
+
 void apply(toml::table& root, const std::string& setting, Reading& reading) {
     const std::string source = "--set " + clean(setting);
     const std::string example = "write key=value, for example film.samples=4";
-    const size_t equals = setting.find('=');
+    const size_t equals = equals_of(root, setting);
     if (equals == std::string::npos) return reading.report({source, 0, 0}, "there is no value", example);
     const std::string text = trim(setting.substr(equals + 1));
     toml::table value = parse_value(text, source);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Values with parts: ramps, keyed transforms, points, paths.
+#include "core/math/frame_name.h"
 #include "core/scene/libraries.h"
 #include "core/scene/param_types.h"
 #include "core/scene/suggest.h"
@@ -206,7 +207,7 @@ bool read_path(const toml::node& node, const ParamSpec& spec, const std::string&
     std::error_code error;
     const fs::file_status status = fs::status(path, error);
     if (status.type() == fs::file_type::not_found) {
-        if (spec.choices == "numbered" && text->get().find('#') != std::string::npos) {
+        if (spec.choices == "numbered" && has_frame_mark(text->get())) {
             value.text = path.string(); // one file per frame: checked when read
             return true;
         }

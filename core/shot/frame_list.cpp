@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/shot/frame_list.h"
 
+#include "core/math/frame_name.h"
 #include "core/math/problem.h"
 
 #include <fmt/format.h>
@@ -108,7 +109,7 @@ std::vector<double> parse_frames(const std::string& list, const std::string& opt
 
 std::vector<double> frames_to_make(const FrameRequest& request, const Vec2d& scene_range,
                                    const std::string& output) {
-    const bool has_place = output.find('#') != std::string::npos;
+    const bool has_place = has_frame_mark(output);
     if (request.frame) return {*request.frame};
     if (request.list) {
         std::vector<double> frames = parse_frames(*request.list);

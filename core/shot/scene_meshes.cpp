@@ -5,7 +5,7 @@
 #include "core/geometry/polylines.h"
 #include "core/geometry/strand_file.h"
 #include "core/image/data_image.h"
-#include "core/shot/frame_name.h"
+#include "core/math/frame_name.h"
 
 #include <fmt/format.h>
 #include <tbb/blocked_range.h>

@@ -108,6 +108,21 @@ void resolve_blends(Shot& shot) {
     for (size_t i = 0; i < items.size(); ++i) visit(i);
 }
 
+// Valid, but more likely a mistake of units: rays do not hit it.
+void warn_of_size(const SceneMesh& mesh, const Item& item, double frame, std::vector<std::string>& warnings) {
+    constexpr double smallest = 1e-6; // m
+    Eigen::AlignedBox3d box;
+    const Eigen::Affine3d placed = mesh.transform.at(frame);
+    for (const Vec3f& p : mesh.mesh.positions) {
+        box.extend(placed * p.cast<double>());
+        if (box.sizes().maxCoeff() >= smallest) return; // after the second vertex, as a rule
+    }
+    if (!box.isEmpty())
+        warnings.push_back(
+            fmt::format("{}: mesh \"{}\" is {:.3g} m large: check its units, or give it a scale",
+                        to_string(item.place), mesh.name, box.sizes().maxCoeff()));
+}
+
 void load_meshes(Shot& shot, const std::atomic<bool>& cancel, ProblemCollector& collect_problems) {
     const SceneDescription& description = shot.description;
     for (const Item& item : description.meshes) {
@@ -118,6 +133,7 @@ void load_meshes(Shot& shot, const std::atomic<bool>& cancel, ProblemCollector& 
         mesh.transform = KeyedTransform(keys.numbers, keys.text);
         collect_problems([&] {
             mesh.mesh = load_scene_mesh(item, shot.warnings);
+            warn_of_size(mesh, item, description.globals.vec2("frames").x(), shot.warnings);
             if (item.type == "file") mesh.shapes = load_shapes(item, mesh.mesh, cancel);
         });
         for (size_t i = 0; i < description.lights.size(); ++i)
@@ -153,21 +169,29 @@ PluginSet default_plugins() {
     return plugins;
 }
 
-// Loads the libraries that the scene names, then reads the scene with all that they declare. If a library is
+// Loads the libraries that the scene names and may load, then reads the scene with all that they declare. If a library is
 // missing, its types are unknown too: this is not reported as another mistake.
 SceneDescription describe_scene(const std::string& file, const std::vector<std::string>& settings,
                                 PluginSet& plugins) {
     std::vector<LibraryName> missing;
-    for (const LibraryName& library : scene_libraries(file, settings)) {
-        if (fs::exists(library.path))
+    std::vector<Problem> problems;
+    for (const LibraryName& library : scene_libraries(file, settings, plugins.allowed)) {
+        std::error_code error;
+        if (!fs::is_regular_file(library.path, error)) // a pipe would be waited for
+            missing.push_back(library);
+        else if (library.allowed)
             add_library(plugins, library.path, library.path, library.place);
         else
-            missing.push_back(library);
+            problems.push_back({library.place,
+                                "the scene asks to run the code of the library \"" + library.path + "\"",
+                                "if you trust it, add --allow-library " + library.path +
+                                    ", or name its folder in MARRAM_PLUGIN_PATH"});
     }
     try {
-        return load_scene(file, settings, plugins.schema);
+        SceneDescription description = load_scene(file, settings, plugins.schema);
+        if (!problems.empty()) throw InputError({}); // its types may be those of another library
+        return description;
     } catch (const InputError& error) {
-        std::vector<Problem> problems;
         for (const LibraryName& library : missing) {
             const auto said = [&](const Problem& p) {
                 return to_string(p.place) == to_string(library.place);
@@ -177,8 +201,9 @@ SceneDescription describe_scene(const std::string& file, const std::vector<std::
                     {library.place, "there is no file \"" + library.path + "\"",
                      "build the library, correct its path, or name its folder in MARRAM_PLUGIN_PATH"});
         }
+        const bool all_known = missing.empty() && problems.empty();
         for (const Problem& problem : error.problems)
-            if (missing.empty() || problem.id != "scene.unknown_procedural") problems.push_back(problem);
+            if (all_known || problem.id != "scene.unknown_procedural") problems.push_back(problem);
         throw InputError(std::move(problems));
     }
 }
@@ -190,6 +215,7 @@ Shot load_shot(const std::string& file, const Overrides& overrides, const std::a
     std::vector<std::string> settings;
     apply(overrides, settings);
     shot.plugins = std::make_unique<PluginSet>(default_plugins());
+    shot.plugins->allowed = overrides.allowed_libraries;
     shot.description = describe_scene(file, settings, *shot.plugins);
     const SceneDescription& description = shot.description;
 

@@ -22,11 +22,13 @@ std::string default_library();
 struct PluginSet {
     std::map<std::string, std::shared_ptr<PluginLibrary>> libraries; // by path; "" is the default
     Schema schema;
+    std::vector<std::string> allowed; // libraries that may be loaded from outside plugin_folders()
 };
 PluginSet default_plugins();
 
 // Reads the scene file, but not the meshes and images that it names. Adds the libraries that it names to
-// `plugins`, which must outlive the description. Throws InputError with all mistakes found.
+// `plugins`, which must outlive the description. Throws InputError with all mistakes found, libraries that may not be
+// loaded among them.
 SceneDescription describe_scene(const std::string& file, const std::vector<std::string>& settings,
                                 PluginSet& plugins);
 
@@ -47,6 +49,7 @@ struct Overrides {
     std::optional<uint32_t> samples;
     std::optional<std::pair<uint32_t, uint32_t>> size;
     std::string state_folder; // "": beside the scene, SCENE.states
+    std::vector<std::string> allowed_libraries; // PluginSet::allowed
 };
 
 // Reads the scene and all files that it names: meshes, images, procedural libraries. Throws InputError with

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/shot/stats.h"
 
-#include "core/shot/frame_name.h"
+#include "core/math/frame_name.h"
 
 #include "core/image/atomic_file.h"
 #include "core/math/clock.h"
@@ -83,6 +83,14 @@ void StatsFile::write(const std::string& path, const std::vector<std::string>& f
 
 void StatsFile::add(const FrameStats& frame) {
     if (path_.empty()) return;
+    try {
+        write_or_keep(frame);
+    } catch (const InputError& error) { // the other frames are worth more
+        if (!fault_) fault_ = error;
+    }
+}
+
+void StatsFile::write_or_keep(const FrameStats& frame) {
     std::string text = to_json(frame).dump(2);
     const std::string own = numbered(path_, frame.frame);
     if (own != path_) return write(own, {std::move(text)});
@@ -96,7 +104,8 @@ void StatsFile::add(const FrameStats& frame) {
 }
 
 void StatsFile::finish() {
-    if (!frames_.empty()) write(path_, frames_);
+    if (!frames_.empty()) return write(path_, frames_);
+    if (fault_) throw InputError(*fault_);
 }
 
 } // namespace marram

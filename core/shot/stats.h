@@ -3,8 +3,10 @@
 #pragma once
 
 #include "core/geometry/build.h"
+#include "core/math/problem.h"
 #include "core/render/integrator.h"
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -25,14 +27,17 @@ struct FrameStats {
 class StatsFile {
   public:
     explicit StatsFile(std::string path); // "": no file
-    void add(const FrameStats& frame);    // throws InputError where the file cannot be written
-    void finish();                        // writes all frames added
+    void add(const FrameStats& frame);
+    void
+    finish(); // writes all frames added; throws InputError if a file could not be written, now or by add()
 
   private:
+    void write_or_keep(const FrameStats& frame);
     void write(const std::string& path, const std::vector<std::string>& frames);
 
     std::string path_;
     std::vector<std::string> frames_; // as JSON
+    std::optional<InputError> fault_; // of the first file of a frame that could not be written
     double cost_ = 0.0, written_ = 0.0;
 };
 

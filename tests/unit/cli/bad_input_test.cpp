@@ -6,6 +6,7 @@
 #include "core/shot/frame_list.h"
 #include "program.h"
 
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -334,13 +335,52 @@ TEST(BadInput, LibrariesThatCannotBeUsed) {
     };
     const std::string build = MARRAM_BINARY_DIR;
     expect_refused(with_library("no_such_library.so"), "no_such_library.so");
-    expect_refused(with_library("a.toml"), "cannot load the procedural library");
+    expect_refused(with_library("a.toml"), "the scene asks to run the code of the library");
     expect_refused(with_library(build), "library");
     expect_refused(with_library(build + "/libno_entry_plugin.so"), "has no function marram_library");
     expect_refused(with_library(build + "/libother_abi_plugin.so"), "speaks another version");
     expect_refused(with_library(build + "/librefusing_plugin.so"), "speaks another version");
     expect_refused(with_library(build + "/libmesh_plugin.so"), "has no procedural 'groom'");
     expect_refused(with_library("no_such_library.so", "pyramid"), "no_such_library.so");
+}
+
+// A scene from elsewhere is data: what lies beside it is not run unless the user says so.
+TEST(BadInput, LibrariesFromElsewhere) {
+    const Folder folder;
+    fs::copy_file(MARRAM_BINARY_DIR "/libmesh_plugin.so", folder / "x.so");
+    const std::string scene = folder.write(
+        "a.toml",
+        SceneText{.more = "[[procedural]]\nname = \"tomb\"\ntype = \"pyramid\"\nlibrary = \"x.so\"\n"});
+    for (const std::vector<std::string>& command :
+         {std::vector<std::string>{"render", scene, "-o", folder / "old.exr"},
+          {"info", scene},
+          {"info", "--keys", scene},
+          {"bake", scene, "-o", folder / "old.exr", "--allow-library", folder / "other.so"}}) {
+        const std::vector<std::string> said = refused(folder, command);
+        ASSERT_EQ(said.size(), 1u) << fmt::format("{}", fmt::join(said, "\n"));
+        EXPECT_CONTAINS(said[0], "a.toml:28:11: the scene asks to run the code of the library");
+        EXPECT_CONTAINS(said[0], "--allow-library " + folder / "x.so");
+        EXPECT_CONTAINS(said[0], "MARRAM_PLUGIN_PATH");
+    }
+    const auto allowed = marram({"info", "--keys", scene, "--allow-library", folder / "x.so"}, run_copy);
+    EXPECT_EQ(allowed.code, 0) << allowed.err;
+    EXPECT_CONTAINS(allowed.out, "procedural.tomb.height");
+    fs::create_directory(folder / "in");
+    fs::create_symlink(folder / "x.so", folder / "in/x.so"); // as the owner of the folder wants it
+    folder.write("a.toml", SceneText{.more = "[[procedural]]\nname = \"tomb\"\ntype = \"pyramid\"\nlibrary = "
+                                             "\"in/x.so\"\n"});
+    EXPECT_EQ(refused(folder, {"info", scene}).size(), 1u);
+    ASSERT_EQ(::setenv("MARRAM_PLUGIN_PATH", (folder / "in").c_str(), 1), 0);
+    EXPECT_EQ(marram({"info", "--keys", scene}, run_copy).code, 0);
+    ASSERT_EQ(::unsetenv("MARRAM_PLUGIN_PATH"), 0);
+    fs::remove(folder / "x.so");
+    ASSERT_EQ(::mkfifo((folder / "x.so").c_str(), 0600), 0); // opening it would wait
+    const std::string pipe = folder.write(
+        "b.toml",
+        SceneText{.more = "[[procedural]]\nname = \"tomb\"\ntype = \"pyramid\"\nlibrary = \"x.so\"\n"});
+    const ProgramResult waited = marram({"info", pipe, "--allow-library", folder / "x.so"}, run_copy);
+    EXPECT_EQ(waited.code, 2);
+    EXPECT_CONTAINS(waited.err, "is no file but a pipe or device");
 }
 
 TEST(BadInput, LibrariesThatFail) {

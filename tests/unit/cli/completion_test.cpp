@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Completion and man pages: they contain every option of every command, bash completes, and groff prints no
 // warning.
+#include "core/manual/completion.h"
 #include "program.h"
 
 #include <algorithm>
@@ -87,7 +88,8 @@ class Bash {
   public:
     Bash() {
         folder_.write("script", printed({"completion", "bash"}));
-        folder_.write("a scene.toml", SceneText{});
+        folder_.write("a scene.toml",
+                      SceneText{.more = "[[mesh]]\nname = \"x$(touch y)\"\ntype = \"box\"\n"});
         folder_.write("b.toml", "this is no scene");
         folder_.write("picture.png", "");
         fs::create_directory(folder_ / "folder");
@@ -156,10 +158,35 @@ TEST(Completion, BashCompletesTheKeysOfTheScene) {
               Words{"procedural.grass.density_mask="});
     EXPECT_EQ(bash.complete({"render", "a\\ scene.toml", "--set", "mesh.ground.si"}),
               Words{"mesh.ground.size="});
+    for (const char* typed :
+         {"mesh.x$(touch y).si", "mesh.x\\$\\(touch\\ y\\).si"}) // a name must run nothing
+        EXPECT_EQ(bash.complete({"render", "a scene.toml", "--set", typed}),
+                  Words{"mesh.x\\$\\(touch\\ y\\).size="});
     EXPECT_EQ(bash.complete({"render", "b.toml", "--set", "film.sam"}), Words{"film.samples="})
         << "keys of every scene, where this one cannot be read";
     EXPECT_EQ(bash.complete({"render", "--set", "film.samples", "=", "4"}), Words{});
     EXPECT_EQ(bash.complete({"render", "--set", "film.samples", "="}), Words{});
+}
+
+// Names come from libraries: whatever they are, the scripts do not run them.
+TEST(Completion, NamesRunNothing) {
+    const CompletionWords words{{"$(touch y)", "a'b", "plain"}, {"`touch y`", "depth"}};
+    ProgramText text;
+    text.commands.push_back({"info", "", {}});
+    text.commands[0].options.push_back({.names = {"subject"}, .positional = true});
+    text.commands[0].options.push_back({.names = {"--aov"}, .value = "NAME,..."});
+    const Folder folder;
+    folder.write("script", bash_completion(text, words));
+    const auto complete = [&](const std::string& typed) {
+        return output_of(
+            "cd '" + folder / "" + "'; bash --norc -c '. ./script; COMP_WORDS=(marram info " + typed +
+            "); COMP_CWORD=$((${#COMP_WORDS[@]} - 1)); _marram; printf \"%s\\n\" \"${COMPREPLY[@]}\"' 2>&1");
+    };
+    EXPECT_EQ(complete("pla"), "plain\n");
+    EXPECT_CONTAINS(complete("\"\""), "$(touch y)\na'b\n");
+    EXPECT_EQ(complete("--aov dep"), "depth\n");
+    EXPECT_FALSE(fs::exists(folder / "y"));
+    EXPECT_CONTAINS(zsh_completion(text, words), "'\\''$(touch y)'\\''");
 }
 
 TEST(Completion, ZshTakesItsScript) {

@@ -55,6 +55,15 @@ TEST_F(Interrupt, BySigtermIsTheSame) {
     expect_untouched({"a.exr", "a.partial.png", "a.png.state.tif", "a.toml"});
 }
 
+// As batch systems send them, the last one again and again.
+TEST_F(Interrupt, BySignalsThatTimeIsUpIsTheSame) {
+    const std::string scene = folder.write("a.toml", long_picture);
+    for (const int signal : {SIGUSR1, SIGXCPU}) {
+        EXPECT_EQ(interrupt_in("rendering", {"render", scene, "-o", folder / "a.png"}, signal), 130);
+        expect_untouched({"a.exr", "a.partial.png", "a.png.state.tif", "a.toml"});
+    }
+}
+
 TEST_F(Interrupt, OfManyFramesStopsThemAll) {
     const std::string scene = folder.write("a.toml", long_picture);
     EXPECT_EQ(interrupt_in("rendering", {"render", scene, "-o", folder / "f.####.exr", "--frames", "1-9"}),

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // What the program does when something runs out: the disk, memory, the length of a name. A sequence takes no
 // more memory than its first frames.
+#include "core/shot/stats.h"
 #include "program.h"
 
 #include <nlohmann/json.hpp>
@@ -84,6 +85,107 @@ TEST(Limits, StandardOutputMayBeFull) {
     EXPECT_EQ(outcome.code, 2);
     EXPECT_CONTAINS(outcome.err, "standard output: could not be written");
     EXPECT_TRUE(fs::exists(folder / "a.exr"));
+}
+
+// Warnings that nobody can read are no reason to lose what was made, nor is a result: the run goes on to its end.
+TEST(Limits, StandardErrorMayBeFull) {
+    const Folder folder;
+    const std::string scene = folder.write(
+        "a.toml", SceneText{.film = "size = [24, 16]\nsamples = 2\nmax_depth = 3\naovs = [\"depth\"]\n"});
+    static int streams[2];
+    const auto full = [](std::vector<std::string> given) {
+        for (const int stream : streams) ::dup2(::open("/dev/full", O_WRONLY), stream);
+        run_copy(std::move(given));
+    };
+    const std::vector<std::string> command = {"render",   scene, "-o", folder / "a.####.png",
+                                              "--frames", "1-3"};
+    streams[0] = streams[1] = STDERR_FILENO;
+    EXPECT_EQ(marram(command, full).code, 0);
+    const std::set<std::string> names = {"a.0001.png", "a.0002.png", "a.0003.png", "a.toml"};
+    EXPECT_EQ(folder.names(), names);
+    for (const std::string& name : names)
+        if (name != "a.toml") fs::remove(folder / name);
+    streams[0] = STDOUT_FILENO;
+    EXPECT_EQ(marram(command, full).code, 2) << "the names were asked for";
+    EXPECT_EQ(folder.names(), names);
+}
+
+// Statistics that cannot be written end no sequence: its end reports them.
+TEST(Limits, StatisticsAreReportedAtTheEnd) {
+    const Folder folder;
+    for (const char* name : {"gone/a.####.json", "gone/a.json"}) {
+        StatsFile file(folder / name);
+        EXPECT_NO_THROW(file.add({}));
+        EXPECT_THROW(file.finish(), InputError);
+    }
+}
+
+// The reader of a pipe may leave, as `head` does: the frames are rendered, then the process ends as others do.
+TEST(Limits, TheReaderOfAPipeMayLeave) {
+    const Folder folder;
+    const std::string scene = folder.write("a.toml", SceneText());
+    const auto broken = [](std::vector<std::string> given) {
+        int ends[2];
+        if (::pipe(ends) != 0) ::_exit(99);
+        ::close(ends[0]);
+        ::dup2(ends[1], STDOUT_FILENO);
+        ::dup2(ends[1], STDERR_FILENO);
+        run_copy(std::move(given));
+    };
+    EXPECT_EQ(marram({"render", scene, "-o", folder / "a.####.png", "--frames", "1-2"}, broken).code,
+              128 + SIGPIPE);
+    EXPECT_EQ(folder.names(), (std::set<std::string>{"a.0001.png", "a.0002.png", "a.toml"}));
+}
+
+// With the descriptors closed no file of the program gets their numbers, and no warning ends up in it.
+TEST(Limits, ClosedStreamsWriteIntoNoFile) {
+    const Folder folder;
+    // Warns while the file of all frames is open.
+    const std::string scene =
+        folder.write("a.toml", SceneText{.globals = "frames = [1, 2]\ntolerance = 1e-9\n",
+                                         .groom = "count = 2\ncvs = 0\nlength = [0.3, 0.5]\nwidth = 0.02\n"});
+    const auto closed = [](std::vector<std::string> given) {
+        for (const int stream : {STDIN_FILENO, STDERR_FILENO}) ::close(stream);
+        run_program(std::move(given));
+    };
+    EXPECT_EQ(marram({"bake", scene, "-o", folder / "a.usda", "--frames", "1-2"}, closed).code, 0);
+    const ProgramResult open = marram({"bake", scene, "-o", folder / "b.usda", "--frames", "1-2"}, run_copy);
+    EXPECT_EQ(open.code, 0);
+    EXPECT_CONTAINS(open.err, "the tolerance is not reached");
+    EXPECT_TRUE(read_file(folder / "a.usda") == read_file(folder / "b.usda"));
+}
+
+// A small stack is enlarged where that is allowed, otherwise it is one line.
+TEST(Limits, ASmallStackIsOneLine) {
+    const auto with_stack = [](bool hard) {
+        static rlim_t most = 0;
+        most = hard ? 64 << 10 : RLIM_INFINITY;
+        return marram({"info", "fps"}, [](std::vector<std::string> given) {
+            rlimit limit{};
+            ::getrlimit(RLIMIT_STACK, &limit);
+            limit.rlim_cur = 64 << 10;
+            limit.rlim_max = std::min(limit.rlim_max, most);
+            ::setrlimit(RLIMIT_STACK, &limit);
+            run_program(std::move(given));
+        });
+    };
+    const ProgramResult enlarged = with_stack(false), refused = with_stack(true);
+    EXPECT_EQ(enlarged.code, 0) << enlarged.err;
+    EXPECT_EQ(refused.code, 2);
+    EXPECT_EQ(lines(refused.err).size(), 1U);
+    EXPECT_CONTAINS(refused.err, "the stack is limited to less than 1 MiB");
+}
+
+// A scene with a mistake a line is answered by the first ones and their number.
+TEST(Limits, ManyMistakesAreCounted) {
+    const Folder folder;
+    std::string text = SceneText();
+    for (int i = 0; i < 300; ++i) text += fmt::format("unknown{} = 1\n", i);
+    const ProgramResult refused =
+        marram({"render", folder.write("a.toml", text), "-o", folder / "a.png"}, run_copy);
+    EXPECT_EQ(refused.code, 2);
+    ASSERT_EQ(lines(refused.err).size(), 51U);
+    EXPECT_EQ(lines(refused.err).back(), "marram: 250 more mistakes: correct those above first");
 }
 
 #ifndef __SANITIZE_ADDRESS__ // it reserves terabytes of addresses

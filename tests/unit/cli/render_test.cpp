@@ -2,7 +2,7 @@
 // `marram render`: pictures depend only on scene and frame; their names, layers, metadata and statistics.
 #include "program.h"
 
-#include "core/shot/frame_name.h"
+#include "core/math/frame_name.h"
 
 #include <nlohmann/json.hpp>
 
@@ -276,7 +276,8 @@ TEST(Render, GrowsOnAForeignMesh) {
         const std::string scene =
             folder.write("a.toml", SceneText{.more = hair + pyramid + "\"" + path + "\"\n"});
         const std::string picture = folder / fmt::format("{}.exr", n++);
-        const ProgramResult outcome = marram({"render", scene, "-o", picture, "--stats", folder / "a.json"});
+        const ProgramResult outcome = marram({"render", scene, "-o", picture, "--stats", folder / "a.json",
+                                              "--allow-library", folder / "lib/libmesh_plugin.so"});
         ASSERT_EQ(outcome.code, 0) << path << ": " << outcome.err;
         EXPECT_CONTAINS(read_file(folder / "a.json"), "\"curves\": 500");
         EXPECT_CONTAINS(read_file(folder / "a.json"), "\"triangles\": 8");
@@ -327,6 +328,10 @@ TEST(Render, names_of_files_tell_every_frame) {
     EXPECT_EQ(numbered("a.####.exr", 1000000.1), "a.1000000.1.exr");
     EXPECT_EQ(numbered("a.#.exr", 0.0), "a.0.exr");
     EXPECT_EQ(numbered("a.exr", 3.0), "a.exr");
+    EXPECT_EQ(numbered("shot#3/a.##.exr", 7.0), "shot#3/a.07.exr"); // # of a folder's name stay
+    EXPECT_EQ(numbered("/b##/shot#3/a.exr", 7.0), "/b##/shot#3/a.exr");
+    EXPECT_FALSE(has_frame_mark("shot#3/a.exr"));
+    EXPECT_TRUE(has_frame_mark("shot/a#.exr"));
 }
 
 } // namespace marram::testing

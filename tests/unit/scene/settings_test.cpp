@@ -159,6 +159,16 @@ TEST_F(Settings, OfAThingThatTheSceneLacks) {
     EXPECT_EQ(mistakes(file, {"material.m.base=1"}, schema).size(), 2u);
 }
 
+TEST_F(Settings, ReachNamesWithEqualsSigns) {
+    file = folder.write("small.toml", small_scene +
+                                          "[[mesh]]\nname = \"a=b\"\ntype = \"file\"\nfile = \"mesh.obj\"\n"
+                                          "[[mesh]]\nname = \"a\"\ntype = \"file\"\nfile = \"mesh.obj\"\n");
+    const SceneDescription scene = load_scene(file, {"mesh.a=b.file=other.obj"}, schema);
+    EXPECT_EQ(scene.meshes[0].params.text("file"), folder.path() + "/other.obj");
+    EXPECT_EQ(scene.meshes[1].params.text("file"), folder.path() + "/mesh.obj");
+    expect({"mesh.a=b"}, "--set mesh.a=b: \"mesh.a\" has no name and key");
+}
+
 TEST_F(Settings, ComeAfterTheMistakesOfTheFile) {
     file = folder.write("small.toml", small_scene + "[film]\nsamples = 0\nsize = 3\n");
     const auto lines = mistakes(file, {"wind.speed=x", "fps=y"}, schema);

@@ -196,10 +196,14 @@ SceneDescription describe_scene(const std::string& file, const std::vector<std::
             const auto said = [&](const Problem& p) {
                 return to_string(p.place) == to_string(library.place);
             };
-            if (std::ranges::none_of(error.problems, said))
-                problems.push_back(
-                    {library.place, "there is no file \"" + library.path + "\"",
-                     "build the library, correct its path, or name its folder in MARRAM_PLUGIN_PATH"});
+            if (std::ranges::any_of(error.problems, said)) continue;
+            std::error_code unknown;
+            const bool other = fs::exists(library.path, unknown);
+            problems.push_back(
+                {library.place,
+                 other ? "\"" + library.path + "\" is no file but a pipe or device"
+                       : "there is no file \"" + library.path + "\"",
+                 "build the library, correct its path, or name its folder in MARRAM_PLUGIN_PATH"});
         }
         const bool all_known = missing.empty() && problems.empty();
         for (const Problem& problem : error.problems)

@@ -650,7 +650,8 @@ TEST_F(FaultyHost, IsToldOfWrongViews) {
         faults[i](view);
         MarramOutput output{};
         output.size = sizeof output;
-        called.expect_error(called.calls.begin_view(called.instance, &view, &output), "contract.view",
+        called.expect_error(called.calls.begin_view(called.instance, &view, &output),
+                            view.size == sizeof view ? "contract.view" : "contract.size",
                             fmt::format("view {}", i));
     }
     MarramOutput output{};

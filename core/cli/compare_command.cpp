@@ -48,7 +48,7 @@ void print_power(const Comparison& c) {
         print_result("{:<12} differences of the mean by size, in % of the picture's light:", "found from");
         for (const ScaleResult& s : c.scales)
             print_result(" {} {:.2g}", s.size == 0 ? std::string("whole") : fmt::format("{}", s.size),
-                       100.0 * s.limit * s.deviation / c.light);
+                         100.0 * s.limit * s.deviation / c.light);
         print_result("\n");
     }
     if (c.ratios.empty()) return;
@@ -68,8 +68,8 @@ void print(const Comparison& c) {
     if (!c.scales.empty()) {
         print_result("{:<12} standard deviations (limit) by size:", "noise");
         for (const ScaleResult& s : c.scales)
-            print_result(" {} {:.3g} ({:.3g})", s.size == 0 ? std::string("whole") : fmt::format("{}", s.size),
-                       s.worst, s.limit);
+            print_result(" {} {:.3g} ({:.3g})",
+                         s.size == 0 ? std::string("whole") : fmt::format("{}", s.size), s.worst, s.limit);
         print_result("\n");
         print_power(c);
     } else {
@@ -78,9 +78,9 @@ void print(const Comparison& c) {
     for (const std::string& note : c.notes) print_result("{}\n", note);
     for (const std::string& fault : c.faults) print_result("{}\n", fault);
     print_result("{}\n", c.different() ? "different"
-                       : c.equal     ? "alike: every number is the same"
-                       : c.alike()   ? "alike"
-                                     : "cannot tell: " + c.doubt);
+                         : c.equal     ? "alike: every number is the same"
+                         : c.alike()   ? "alike"
+                                       : "cannot tell: " + c.doubt);
 }
 
 int compare_files(const CompareOptions& options) {

@@ -114,6 +114,24 @@ std::vector<PlyGroup> PlyGroups::rest() {
     return groups;
 }
 
+// Points of each strand if longer steps at equal distances part them; 0: they do not.
+size_t likely_points_a_strand(const std::vector<Vec3d>& points) {
+    for (size_t each = 2; 2 * each <= points.size(); ++each) {
+        if (points.size() % each != 0) continue;
+        double within = 0.0, between = std::numeric_limits<double>::infinity();
+        for (size_t i = 1; i < points.size(); ++i) {
+            const double step = (points[i] - points[i - 1]).norm();
+            if (i % each == 0)
+                between = std::min(between, step);
+            else
+                within = std::max(within, step);
+            if (within >= between) break;
+        }
+        if (within < between) return each;
+    }
+    return 0;
+}
+
 class PlyStrandsReader {
   public:
     PlyStrandsReader(const std::string& path, std::string_view bytes, uint32_t cvs_per_strand)
@@ -226,11 +244,14 @@ std::vector<float> PlyStrandsReader::widths_of(const std::vector<PlyColumn>& col
 
 StrandFile PlyStrandsReader::read() {
     find_rows();
-    if (is_guess_)
-        strands_.warnings.push_back(
-            fmt::format("has neither edges nor a strand_id: its {} points are read as one strand; give "
-                        "cvs_per_strand if they are several",
-                        content_.points.size()));
+    if (is_guess_) {
+        const size_t each = likely_points_a_strand(content_.points);
+        strands_.warnings.push_back(fmt::format(
+            "has neither edges nor a strand_id: its {} points are read as one strand; {}",
+            content_.points.size(),
+            each > 0 ? fmt::format("they look like strands of {0}: give cvs_per_strand = {0}", each)
+                     : "give cvs_per_strand if they are several"));
+    }
     StrandSample& sample = strands_.samples.emplace_back();
     sample.points.reserve(vertices_.size());
     for (const uint32_t vertex : vertices_) sample.points.push_back(content_.points[vertex].cast<float>());

@@ -4,6 +4,8 @@
 #include "procedural/parallel.h"
 #include "procedural/wind/skin.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <atomic>
 #include <cmath>
@@ -117,6 +119,22 @@ Binding bind_strands(const LentCurves& curves, const float* vertices, const Surf
         }
     }
     return binding;
+}
+
+RootProblem root_problem(const Binding& binding, const std::string& kind, const std::string& mesh) {
+    if (binding.far == 0) return {};
+    const size_t all = binding.root_bindings.size();
+    if (2 * binding.reversed > binding.far)
+        return {
+            "reversed",
+            fmt::format(
+                "{} of {} {} end on '{}' and begin up to {:.3g} m away from it: they run from tip to root",
+                binding.reversed, all, kind, mesh, binding.greatest_distance),
+            "give their curves reverse = true"};
+    return {"far",
+            fmt::format("{} of {} {} begin farther from '{}' than a tenth of their length, up to {:.3g} m",
+                        binding.far, all, kind, mesh, binding.greatest_distance),
+            "check the units and transforms of both, and bind_frame"};
 }
 
 } // namespace marram

@@ -6,6 +6,7 @@
 #include "procedural/groom/surface.h"
 
 #include <functional>
+#include <string>
 #include <vector>
 
 namespace marram {
@@ -42,6 +43,13 @@ struct Binding {
 // strand plus 30 ns per triangle. The result is incomplete once cancelled() is true.
 Binding bind_strands(const LentCurves& curves, const float* vertices, const Surface& bind,
                      uint32_t vertex_count, const std::function<bool()>& cancelled);
+
+// What is wrong with where most roots are, if anything: strands that run from tip to root, or lie far from the surface.
+struct RootProblem {
+    std::string id, what, fix; // id: "far" or "reversed"; "": nothing is wrong
+};
+// kind: "strands"; mesh: the surface's name.
+RootProblem root_problem(const Binding& binding, const std::string& kind, const std::string& mesh);
 
 // Sum of the lengths of a curve's segments; vertices: of its CVs.
 double curve_length(const float* vertices, uint32_t cvs);

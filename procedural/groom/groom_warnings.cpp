@@ -60,12 +60,9 @@ void warn_of_no_strands(const GroomInstance& instance) {
 }
 
 void warn_of_guides(const GroomInstance& instance, const Binding& binding) {
-    if (binding.far > 0)
-        send(instance.host, MARRAM_WARNING, "groom.guides_far", instance.groom.guides->place,
-             fmt::format(
-                 "{} of {} guides begin farther from '{}' than a tenth of their length, up to {:.3g} m",
-                 binding.far, binding.root_bindings.size(), instance.groom.mesh, binding.greatest_distance),
-             "check the units and transforms of both, and bind_frame");
+    if (const RootProblem problem = root_problem(binding, "guides", instance.groom.mesh); !problem.id.empty())
+        send(instance.host, MARRAM_WARNING, ("groom.guides_" + problem.id).c_str(),
+             instance.groom.guides->place, problem.what, problem.fix);
 }
 
 void announce_long_work(GroomInstance& instance, int64_t past_samples) {

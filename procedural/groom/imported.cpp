@@ -212,20 +212,8 @@ void check_widths(const ImportInstance& instance) {
 void warn_of_binding(const ImportInstance& instance) {
     const Binding& binding = instance.binding;
     const std::string& mesh = instance.settings.mesh;
-    if (2 * binding.reversed > binding.far)
-        instance.warn(
-            "strands.reversed",
-            fmt::format("{} of {} strands end on '{}' and begin up to {:.3g} m away from it: they run from "
-                        "tip to root, and their tips are held",
-                        binding.reversed, binding.root_bindings.size(), mesh, binding.greatest_distance),
-            "give their curves reverse = true");
-    else if (binding.far > 0)
-        instance.warn(
-            "strands.far",
-            fmt::format("{} of {} strands begin farther from '{}' than a tenth of their length, up to "
-                        "{:.3g} m",
-                        binding.far, binding.root_bindings.size(), mesh, binding.greatest_distance),
-            "check the units and transforms of both, and bind_frame");
+    if (const RootProblem problem = root_problem(binding, "strands", mesh); !problem.id.empty())
+        instance.warn(("strands." + problem.id).c_str(), problem.what, problem.fix);
     if (binding.inside > 0 && instance.wind.collision)
         instance.warn(
             "strands.inside",

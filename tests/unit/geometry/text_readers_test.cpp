@@ -235,7 +235,8 @@ TEST_F(TextReaders, PointsAloneAreStrandsOfEqualCounts) {
     const StrandFile one = load_strand_file(file, {});
     EXPECT_EQ(one.counts, std::vector<uint32_t>{4});
     ASSERT_EQ(one.warnings.size(), 1u);
-    EXPECT_NE(one.warnings[0].find("its 4 points are read as one strand; give cvs_per_strand"),
+    EXPECT_NE(one.warnings[0].find("its 4 points are read as one strand; they look like "
+                                   "strands of 2: give cvs_per_strand = 2"),
               std::string::npos);
     const StrandFile two = load_strand_file(file, {.cvs_per_strand = 2});
     EXPECT_EQ(two.counts, (std::vector<uint32_t>{2, 2}));

@@ -98,10 +98,10 @@ TEST(Limits, StandardErrorMayBeFull) {
         run_copy(std::move(given));
     };
     const std::vector<std::string> command = {"render",   scene, "-o", folder / "a.####.png",
-                                              "--frames", "1-3"};
+                                              "--frames", "1-2"};
     streams[0] = streams[1] = STDERR_FILENO;
     EXPECT_EQ(marram(command, full).code, 0);
-    const std::set<std::string> names = {"a.0001.png", "a.0002.png", "a.0003.png", "a.toml"};
+    const std::set<std::string> names = {"a.0001.png", "a.0002.png", "a.toml"};
     EXPECT_EQ(folder.names(), names);
     for (const std::string& name : names)
         if (name != "a.toml") fs::remove(folder / name);

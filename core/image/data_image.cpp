@@ -252,9 +252,10 @@ void fill_pixels(Image& image, const std::vector<char>& marked) {
 Image read_data_image(const std::string& path, std::vector<std::string>& notes) {
     Image image = read_image(path, ColorSpace::raw_data);
     if (const std::optional<double> nodata = declared_nodata(path)) {
-        // Signed integers are read as -1 at least.
-        const double read = image.stored_one > 1.0 ? std::max(*nodata / image.stored_one, -1.0) : *nodata;
-        const Marked holes = pixels_with(image, double(float(read)));
+        const double read = image.stored_one > 1.0 ? *nodata / image.stored_one : *nodata;
+        Marked holes = pixels_with(image, double(float(read)));
+        // OpenImageIO may read the least signed integer as -1.
+        if (holes.count == 0 && image.stored_one > 1.0 && read < -1.0) holes = pixels_with(image, -1.0);
         if (holes.count == holes.pixels.size())
             throw InputError({path},
                              fmt::format("has no data: all pixels are {:.6g}, its value for holes", *nodata),

@@ -155,6 +155,20 @@ TEST(Limits, ClosedStreamsWriteIntoNoFile) {
     EXPECT_TRUE(read_file(folder / "a.usda") == read_file(folder / "b.usda"));
 }
 
+// A scene with a mistake a line is answered by the first ones and their number.
+TEST(Limits, ManyMistakesAreCounted) {
+    const Folder folder;
+    std::string text = SceneText();
+    for (int i = 0; i < 300; ++i) text += fmt::format("unknown{} = 1\n", i);
+    const ProgramResult refused =
+        marram({"render", folder.write("a.toml", text), "-o", folder / "a.png"}, run_copy);
+    EXPECT_EQ(refused.code, 2);
+    ASSERT_EQ(lines(refused.err).size(), 51U);
+    EXPECT_EQ(lines(refused.err).back(), "marram: 250 more mistakes: correct those above first");
+}
+
+#ifndef __SANITIZE_ADDRESS__ // it reserves terabytes of addresses
+
 // A small stack is enlarged where that is allowed, otherwise it is one line.
 TEST(Limits, ASmallStackIsOneLine) {
     const auto with_stack = [](bool hard) {
@@ -175,20 +189,6 @@ TEST(Limits, ASmallStackIsOneLine) {
     EXPECT_EQ(lines(refused.err).size(), 1U);
     EXPECT_CONTAINS(refused.err, "the stack is limited to less than 1 MiB");
 }
-
-// A scene with a mistake a line is answered by the first ones and their number.
-TEST(Limits, ManyMistakesAreCounted) {
-    const Folder folder;
-    std::string text = SceneText();
-    for (int i = 0; i < 300; ++i) text += fmt::format("unknown{} = 1\n", i);
-    const ProgramResult refused =
-        marram({"render", folder.write("a.toml", text), "-o", folder / "a.png"}, run_copy);
-    EXPECT_EQ(refused.code, 2);
-    ASSERT_EQ(lines(refused.err).size(), 51U);
-    EXPECT_EQ(lines(refused.err).back(), "marram: 250 more mistakes: correct those above first");
-}
-
-#ifndef __SANITIZE_ADDRESS__ // it reserves terabytes of addresses
 
 // From where the loader succeeds, in steps of 6 MiB: the result is a picture, or exit code 2 and one line
 // about memory.

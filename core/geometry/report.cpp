@@ -26,22 +26,54 @@ void combine(Report::Entry& entry, const std::string& procedural, double value) 
     }
 }
 
+// Whether a path is one of a pattern, in which [] stands for any index and * for any part between dots.
+bool matches(std::string_view path, std::string_view pattern) {
+    while (!pattern.empty()) {
+        if (pattern.starts_with("[]")) {
+            const size_t end = path.find(']');
+            if (!path.starts_with('[') || end == std::string_view::npos) return false;
+            path.remove_prefix(end + 1);
+            pattern.remove_prefix(2);
+        } else if (pattern.front() == '*') {
+            const size_t end = std::min(path.find('.'), path.size());
+            if (end == 0) return false;
+            path.remove_prefix(end);
+            pattern.remove_prefix(1);
+        } else {
+            if (path.empty() || path.front() != pattern.front()) return false;
+            path.remove_prefix(1);
+            pattern.remove_prefix(1);
+        }
+    }
+    return path.empty();
+}
+
 } // namespace
+
+Report::Entry& Report::entry(std::string_view path) {
+    const auto [found, made] = entries_.try_emplace(std::string(path));
+    if (made)
+        for (const MarramReportEntry& pattern : patterns_)
+            if (matches(path, pattern.path)) {
+                found->second.declared = pattern;
+                break;
+            }
+    return found->second;
+}
 
 void Report::declare(std::span<const MarramReportEntry> entries) {
     for (const MarramReportEntry& declared : entries) {
         const std::string path = declared.path;
         if (path.starts_with(thread_prefix))
             entries_[std::string(wall_prefix) + path.substr(thread_prefix.size())];
+        else if (path.find("[]") != std::string::npos || path.find('*') != std::string::npos)
+            patterns_.push_back(declared);
         else
             entries_[path].declared = declared;
     }
 }
 
-void Report::add(std::string_view path, double value) {
-    const auto found = entries_.find(path);
-    combine(found != entries_.end() ? found->second : entries_[std::string(path)], "", value);
-}
+void Report::add(std::string_view path, double value) { combine(entry(path), "", value); }
 
 void Report::add(const std::string& procedural, std::span<const std::pair<std::string, double>> entries,
                  double wall) {
@@ -51,7 +83,7 @@ void Report::add(const std::string& procedural, std::span<const std::pair<std::s
     if (!(threads > 0.0)) add("seconds.expand", wall);
     for (const auto& [path, value] : entries) {
         if (!path.starts_with(thread_prefix))
-            combine(entries_[path], procedural, value);
+            combine(entry(path), procedural, value);
         else if (threads > 0.0)
             add(std::string(wall_prefix) + path.substr(thread_prefix.size()), wall * value / threads);
     }

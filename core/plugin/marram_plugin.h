@@ -436,7 +436,7 @@ typedef enum MarramCombine {
  * An entry that a procedural may report. Units: "s" wall seconds, "thread s" seconds summed over threads,
  * "count", "bytes", "rad", ... An entry "thread_seconds.<stage>" in "thread s" is the time of a stage of
  * tessellate(): the host divides the wall seconds among such entries in proportion, and shows them as
- * "seconds.<stage>".
+ * "seconds.<stage>". "[]" in a path stands for any index, "*" for any name: "terrain.layer[].*.seconds".
  */
 typedef struct MarramReportEntry {
     const char* path; /* "collision.contacts" */

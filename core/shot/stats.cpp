@@ -25,12 +25,23 @@ void add_report(const Report& report, nlohmann::ordered_json& json) {
         if (entry.declared.path && entry.declared.combine == MARRAM_EACH) continue; // BuildStats::chosen
         const double value =
             report(path) + (at->contains(path.substr(begin)) ? double((*at)[path.substr(begin)]) : 0.0);
-        const std::string_view unit = entry.declared.path ? entry.declared.unit : "";
+        const std::string_view unit = entry.declared.path && entry.declared.unit ? entry.declared.unit : "";
         if (unit == "count" || unit == "bytes")
             (*at)[path.substr(begin)] = uint64_t(value);
         else
             (*at)[path.substr(begin)] = value;
     }
+}
+
+// The units of what procedurals report, by path, except counts, bytes and the seconds of stages.
+nlohmann::ordered_json units_of(const Report& report) {
+    nlohmann::ordered_json units = nlohmann::ordered_json::object();
+    for (const auto& [path, entry] : report.entries()) {
+        if (!entry.declared.path || entry.declared.combine == MARRAM_EACH) continue;
+        const std::string_view unit = entry.declared.unit ? entry.declared.unit : "";
+        if (!unit.empty() && unit != "count" && unit != "bytes") units[path] = unit;
+    }
+    return units;
 }
 
 nlohmann::ordered_json to_json(const FrameStats& stats) {
@@ -63,6 +74,7 @@ nlohmann::ordered_json to_json(const FrameStats& stats) {
     json["clamped"] = stats.render.clamped_fraction;
     json["cut_throughput"] = stats.render.cut_throughput; // mean, of paths cut by max_depth
     add_report(build.report, json);
+    json["units"] = units_of(build.report);
     return json;
 }
 

@@ -24,7 +24,7 @@
 // It may differ from place to place (wind_field.cpp): it follows the curves that `wind_along` names within about
 // `wind_reach`, or `wind_map` gives its parts along and across. The air is computed for one direction in 15
 // degrees of such a field; the report has their number; each after the first adds half of the cost of a step.
-// The report has the drift potential and its resultant (dp, rdp, kg / (m s)) and their ratio, without the field.
+// The report has the drift potential and its resultant (dp, rdp, kg/(m s)) and their ratio, without the field.
 //
 // Time and cost. A time step costs less than 40 ns a sample on two cores (build/marram_bench). It is seconds
 // to hours long: shorter for finer cells (with the square of the cell) and stronger wind, and set by `stability`.

@@ -249,9 +249,19 @@ MarramStatus prepare_terrain(MarramInstance* opaque, const MarramFrame* given, c
         const bool whole = evaluate_layers(instance, frame, meshes);
         send_warnings(instance);
         instance.prepared = wall_seconds() - begin;
+        instance.prepared_work = instance.stack->work();
         if (instance.simulation.failed) return MARRAM_ERROR; // already reported to the host
         return whole ? MARRAM_OK : MARRAM_CANCELLED;
     });
+}
+
+void sum_work(TerrainInstance& instance) {
+    instance.work = instance.stack->work();
+    const std::vector<Stack::Work> before = std::exchange(instance.prepared_work, {});
+    for (size_t k = 0; k < std::min(before.size(), instance.work.size()); ++k) {
+        instance.work[k].tiles += before[k].tiles;
+        instance.work[k].seconds += before[k].seconds;
+    }
 }
 
 MarramStatus begin_terrain(MarramInstance* opaque, const MarramFrame* given, MarramOutput* out) {
@@ -272,6 +282,7 @@ MarramStatus begin_terrain(MarramInstance* opaque, const MarramFrame* given, Mar
         find_heights(instance);
         instance.output_digest = output_digest(instance);
         instance.seconds = wall_seconds() - begin + std::exchange(instance.prepared, 0.0);
+        sum_work(instance);
         const Domain& d = instance.domain;
         MarramOutput output{};
         output.kind = MARRAM_MESH;
@@ -391,7 +402,7 @@ void report_terrain(MarramInstance* opaque, void (*sink)(void*, const char*, dou
     update_totals(instance);
     const Stack& stack = *instance.stack;
     const double area = instance.domain.cell * instance.domain.cell;
-    const std::vector<Stack::Work> work = stack.work();
+    const std::vector<Stack::Work>& work = instance.work;
     int tiles = 0;
     double sand = 0.0;
     for (size_t k = 0; k < work.size(); ++k) {
@@ -469,6 +480,36 @@ std::span<const MarramReportEntry> terrain_report_entries() {
         MarramReportEntry{"terrain.tiles", "count", MARRAM_SUM, nullptr, nullptr,
                           "tiles that layers have evaluated"},
         MarramReportEntry{"terrain.seconds", "s", MARRAM_SUM, nullptr, nullptr, "evaluating the layers"},
+        MarramReportEntry{"terrain.layer[].*.highest_change", "m", MARRAM_SUM, nullptr, nullptr,
+                          "the largest change of height"},
+        MarramReportEntry{"terrain.layer[].*.sand", "m^3", MARRAM_SUM, nullptr, nullptr,
+                          "added by the layer"},
+        MarramReportEntry{"terrain.layer[].*.seconds", "s", MARRAM_SUM, nullptr, nullptr,
+                          "evaluating the layer, simulated frames included"},
+        MarramReportEntry{"terrain.layer[].fusion.sweeps", "count", MARRAM_SUM, nullptr, nullptr,
+                          "of avalanches"},
+        MarramReportEntry{"terrain.layer[].fusion.moved", "m^3", MARRAM_SUM, nullptr, nullptr,
+                          "sand that slid"},
+        MarramReportEntry{"terrain.layer[].fusion.steepest", "deg", MARRAM_SUM, nullptr, nullptr,
+                          "slope left"},
+        MarramReportEntry{"terrain.layer[].dune_solver.days", "days", MARRAM_SUM, nullptr, nullptr,
+                          "of wind"},
+        MarramReportEntry{"terrain.layer[].dune_solver.steps", "count", MARRAM_SUM, nullptr, nullptr,
+                          "of time"},
+        MarramReportEntry{"terrain.layer[].dune_solver.sand_in", "m^3", MARRAM_SUM, nullptr, nullptr,
+                          "that came over the borders"},
+        MarramReportEntry{"terrain.layer[].dune_solver.sand_out", "m^3", MARRAM_SUM, nullptr, nullptr,
+                          "that left over the borders"},
+        MarramReportEntry{"terrain.layer[].dune_solver.sand_airborne", "m^3", MARRAM_SUM, nullptr, nullptr,
+                          "in the air at the end"},
+        MarramReportEntry{"terrain.layer[].dune_solver.dp", "kg/(m s)", MARRAM_SUM, nullptr, nullptr,
+                          "drift potential: mean of the saturated flux"},
+        MarramReportEntry{"terrain.layer[].dune_solver.rdp", "kg/(m s)", MARRAM_SUM, nullptr, nullptr,
+                          "its resultant: magnitude of the mean vector"},
+        MarramReportEntry{"terrain.layer[].dune_solver.wind_directions", "count", MARRAM_SUM, nullptr,
+                          nullptr, "of the wind model's tables"},
+        MarramReportEntry{"terrain.layer[].dune_solver.obstacle_samples", "count", MARRAM_SUM, nullptr,
+                          nullptr, "of the ground that the obstacle covers"},
     };
     return entries;
 }

@@ -59,6 +59,8 @@ struct TerrainInstance {
     TerrainTotals sums;
     bool begun = false;
     double seconds = 0.0, prepared = 0.0; // of the last begin(), and of the prepare() before it
+    // Of the layers, likewise: begin() finds up to date what prepare() has evaluated.
+    std::vector<Stack::Work> work, prepared_work;
 
     std::vector<std::string> attribute_names; // sand, slope, masks, then ripples and ripple_wave if any
     std::vector<MarramAttribute> attributes;

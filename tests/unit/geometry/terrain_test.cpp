@@ -676,6 +676,11 @@ TEST(Terrain, TheWindOfTheSolverIsDrawn) {
                   "-6300], [9000, 0, 6300]]\n");
     heights_at(fan, 2.0);
     EXPECT_EQ(fan.stats.report("terrain.layer[1].dune_solver.wind_directions"), 2.0);
+    // The layer's seconds are those of its frames, which are simulated before begin().
+    EXPECT_GT(fan.stats.report("terrain.layer[1].dune_solver.seconds"), 0.0);
+    EXPECT_STREQ(fan.stats.report.entries().at("terrain.layer[1].dune_solver.dp").declared.unit, "kg/(m s)");
+    EXPECT_STREQ(fan.stats.report.entries().at("terrain.layer[1].dune_solver.seconds").declared.unit, "s");
+    EXPECT_FALSE(fan.stats.report.entries().contains("terrain.layer[].*.seconds"));
     const auto expect = [](const std::string& text, const std::string& what) {
         TestScene scene(text);
         const std::string said = scene.build_errors();

@@ -16,6 +16,8 @@
 #include <tbb/task_arena.h>
 
 #include <algorithm>
+#include <iterator>
+#include <limits>
 #include <optional>
 #include <set>
 
@@ -55,6 +57,11 @@ void check_outputs(const Shot& shot, const std::vector<double>& frames, const Ba
     }
 }
 
+void print_new(const std::vector<std::string>& warnings, std::set<std::string>& printed) {
+    for (const std::string& warning : warnings)
+        if (printed.insert(warning).second) print_message("{}\n", warning);
+}
+
 // prefix: of the progress line, "2 of 5: ". sequence: the file of all frames, or nullptr.
 void bake_frame(Shot& shot, const BakeOptions& options, const std::string& prefix, UsdaSequence* sequence,
                 std::set<std::string>& warnings, FrameStats& stats) {
@@ -75,19 +82,44 @@ void bake_frame(Shot& shot, const BakeOptions& options, const std::string& prefi
         if (sequence)
             sequence->add(world.curves, stats.frame);
         else
-            write_baked(shot, world, options, output);
+            std::ranges::move(write_baked(shot, world, options, output),
+                              std::back_inserter(stats.build.warnings));
         write_colliders(world, colliders, settings.fps);
     }
-    for (const std::string& warning : stats.build.warnings)
-        if (warnings.insert(warning).second) print_message("{}\n", warning);
+    print_new(stats.build.warnings, warnings);
     if (sequence) return;
     print_result("{}\n", output);
     flush_results();
 }
 
+// The heights of all frames: a range for each would make a sequence flicker. Builds the frames, which are built again
+// to be written; simulated terrains then find their states.
+Vec2d heights_of_frames(Shot& shot, const std::vector<double>& frames, const BakeOptions& options,
+                        int threads, std::set<std::string>& warnings) {
+    Vec2d range(std::numeric_limits<double>::infinity(), -std::numeric_limits<double>::infinity());
+    for (size_t i = 0; i < frames.size(); ++i) {
+        const BuildSettings settings = build_settings_for_bake(shot, options, frames[i]);
+        tbb::task_arena arena(threads);
+        BuildProgress progress;
+        BuildStats stats;
+        World world;
+        const ProgressLine line(options.quiet, [&] {
+            return ProgressState{
+                fmt::format("heights of {} of {}: {}", i + 1, frames.size(), progress.phase.load()),
+                progress.fraction.load()};
+        });
+        arena.execute([&] { world = build_world(shot.geometry, settings, interrupted(), progress, stats); });
+        const Vec2d heights = baked_heights(world, options.output);
+        print_new(stats.warnings, warnings);
+        range = {std::min(range.x(), heights.x()), std::max(range.y(), heights.y())};
+    }
+    return range;
+}
+
 } // namespace
 
-int bake_command(const BakeOptions& options) {
+int bake_command(const BakeOptions& given) {
+    BakeOptions options = given;
     check_baked_formats(options);
     const double begin = wall_seconds();
     Shot shot = open_shot(options);
@@ -99,8 +131,10 @@ int bake_command(const BakeOptions& options) {
     check_baked_attributes(shot, options.attributes);
     const int threads = threads_of(options);
     const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, size_t(threads));
-    StatsFile stats_file(options.stats);
     std::set<std::string> warnings; // already printed; each is printed once
+    if (frames.size() > 1 && options.output.ends_with(".png") && !options.range)
+        options.range = heights_of_frames(shot, frames, options, threads, warnings);
+    StatsFile stats_file(options.stats);
     std::optional<UsdaSequence> sequence;
     if (frames.size() > 1 && holds_all_frames(options))
         sequence.emplace(options.output, shot.description.globals.number("fps"));

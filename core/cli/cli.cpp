@@ -37,6 +37,21 @@ std::pair<uint32_t, uint32_t> parse_size(const std::string& text) {
     return {width, height};
 }
 
+// Parses "LOW,HIGH".
+Vec2d parse_range(const std::string& text) {
+    Vec2d range;
+    const char *at = text.data(), *end = at + text.size();
+    for (int i = 0; i < 2; ++i) {
+        const auto [stop, error] = std::from_chars(at, end, range[i]);
+        if (error != std::errc{} || !std::isfinite(range[i]) ||
+            (i == 0 ? stop == end || *stop != ',' : stop != end))
+            throw InputError({"--range " + text}, "is not two numbers",
+                             "write LOW,HIGH in metres, such as 0,40");
+        at = i == 0 ? stop + 1 : stop;
+    }
+    return range;
+}
+
 // CLI11's own check reads "" as 0, and accepts NaN within any bounds.
 CLI::Validator number_between(double low, double high) {
     return {[low, high](std::string& text) {
@@ -52,7 +67,7 @@ CLI::Validator number_between(double low, double high) {
 }
 
 struct Texts { // options that are checked after parsing
-    std::string size, layers, attributes, shell;
+    std::string size, layers, attributes, shell, range;
     std::vector<std::string> pictures;
     uint32_t samples = 0;
     double frame = 0.0;
@@ -67,12 +82,15 @@ void add_allow_library(CLI::App& command, std::vector<std::string>& libraries) {
         ->allow_extra_args(false);
 }
 
-void add_scene(CLI::App& command, CommonOptions& options) {
-    command.add_option("scene", options.scene, "scene file (.toml)")->required();
-    command
-        .add_option("--set", options.overrides.settings, "change any key of the scene, such as wind.speed=4")
+void add_settings(CLI::App& command, std::vector<std::string>& settings) {
+    command.add_option("--set", settings, "change any key of the scene, such as wind.speed=4")
         ->type_name("KEY=VALUE")
         ->allow_extra_args(false);
+}
+
+void add_scene(CLI::App& command, CommonOptions& options) {
+    command.add_option("scene", options.scene, "scene file (.toml)")->required();
+    add_settings(command, options.overrides.settings);
     add_allow_library(command, options.overrides.allowed_libraries);
     command.add_option("--threads", options.threads, "threads to use; default: one a processor")
         ->check(CLI::Range(1, 1024));
@@ -84,7 +102,11 @@ void add_scene(CLI::App& command, CommonOptions& options) {
 }
 
 void add_stats(CLI::App& command, CommonOptions& options) {
-    command.add_option("--stats", options.stats, "write statistics of the run to this JSON file")
+    command
+        .add_option("--stats", options.stats,
+                    "write statistics of the run to this JSON file: an object, or a list of one object a "
+                    "frame for several "
+                    "frames; #### in its name: an object a frame, each in a file of its own")
         ->type_name("FILE");
 }
 
@@ -192,6 +214,18 @@ void add_bake(CLI::App& app, Commands& c) {
         ->type_name("LIST")
         ->excludes(frame);
     command
+        ->add_option(
+            "--what", c.bake.what,
+            "of a scene with both: the surface of its terrain or rock, or its strands; default for .obj: "
+            "strands, for .ply: a terrain")
+        ->check(CLI::IsMember({"terrain", "strands"}));
+    command
+        ->add_option(
+            "--range", c.texts.range,
+            ".png only: the heights in metres that are black and white; default: the lowest and highest of "
+            "all frames baked")
+        ->type_name("LOW,HIGH");
+    command
         ->add_option("--stage", c.bake.stage,
                      "stage of the strands to write: at rest, bent by wind, or final (with collisions)")
         ->check(CLI::IsMember({"rest", "bent", "final"}))
@@ -206,6 +240,7 @@ void add_bake(CLI::App& app, Commands& c) {
         ->type_name("NAME,...");
     command->callback([&c] {
         c.bake.attributes = split(c.texts.attributes);
+        if (!c.texts.range.empty()) c.bake.range = parse_range(c.texts.range);
         c.chosen = [&c] { return bake_command(c.bake); };
     });
 }
@@ -233,10 +268,9 @@ void add_measure(CLI::App& app, Commands& c) {
 }
 
 void add_compare(CLI::App& app, Commands& c) {
-    CLI::App* command = app.add_subcommand(
-        "compare",
-        "whether two pictures are alike: exit code 0 alike, 1 different, 2 they cannot be compared, or noise is "
-        "too great to tell");
+    CLI::App* command = app.add_subcommand("compare", "whether two pictures are alike: exit code 0 alike, 1 "
+                                                      "different, 2 they cannot be compared, or noise is "
+                                                      "too great to tell");
     command->add_option("test", c.compare.test, "picture to test")->required()->type_name("A");
     command->add_option("reference", c.compare.reference, "what it is compared with")
         ->required()
@@ -253,9 +287,12 @@ void add_compare(CLI::App& app, Commands& c) {
 
 void add_info(CLI::App& app, Commands& c) {
     CLI::App* command =
-        app.add_subcommand("info", "list procedurals, shaders and parameters, or describe a scene");
-    command->add_option("subject", c.info.subject,
-                        "a procedural, shader or table, or a scene file; default: everything");
+        app.add_subcommand("info", "list procedurals, shaders and parameters, or describe a scene or a file");
+    command->add_option(
+        "subject", c.info.subject,
+        "a procedural, shader or table, a scene file, or a file of a mesh, strands or a picture; "
+        "default: everything");
+    add_settings(*command, c.info.settings);
     command->add_flag("--keys", c.info.keys,
                       "only the keys that --set changes, of a scene or of every scene, one a line");
     add_allow_library(*command, c.info.allowed_libraries);

@@ -57,8 +57,9 @@ struct CompareOptions {
 };
 
 struct InfoOptions {
-    std::string subject; // "" for everything
-    bool keys = false;   // print only the keys that --set can change
+    std::string subject;               // "" for everything
+    std::vector<std::string> settings; // --set, of a scene
+    bool keys = false;                 // print only the keys that --set can change
     std::vector<std::string> allowed_libraries;
 };
 

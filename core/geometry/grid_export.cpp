@@ -50,11 +50,13 @@ void write_height_tiff(const std::string& path, const MeshGeometry& mesh) {
                     description_of(metadata_of(placement_of(height.grid), mesh.name)));
 }
 
-void write_height_png(const std::string& path, const MeshGeometry& mesh) {
+size_t write_height_png(const std::string& path, const MeshGeometry& mesh,
+                        const std::optional<Vec2d>& range) {
     const GridValues& height = mesh.grids[0];
     GridPlacement placement = placement_of(height.grid);
-    const auto [low, high] = std::ranges::minmax(height.values);
-    placement.range = {double(low), high > low ? double(high) : double(low) + 1.0}; // flat: all 0
+    placement.range = range ? *range : height_range(mesh);
+    if (!(placement.range.x() < placement.range.y()))
+        placement.range.y() = placement.range.x() + 1.0; // flat: all 0
     constexpr double most = 65535.0;
     const double steps = most / (placement.range.y() - placement.range.x());
     std::vector<uint16_t> pixels(height.values.size());
@@ -63,18 +65,29 @@ void write_height_png(const std::string& path, const MeshGeometry& mesh) {
             uint16_t(std::clamp((double(height.values[i]) - placement.range.x()) * steps + 0.5, 0.0, most));
     write_grey_png(path, int(height.grid.nx), int(height.grid.ny), pixels.data(),
                    metadata_of(placement, mesh.name));
+    return size_t(std::ranges::count_if(height.values, [&](float v) {
+        return double(v) < placement.range.x() || double(v) > placement.range.y();
+    }));
 }
 
 } // namespace
 
-void write_grids(const std::string& path, const MeshGeometry& mesh) {
+Vec2d height_range(const MeshGeometry& mesh) {
+    const auto [low, high] = std::ranges::minmax(mesh.grids.at(0).values);
+    return {double(low), double(high)};
+}
+
+size_t write_grids(const std::string& path, const MeshGeometry& mesh, const std::optional<Vec2d>& range) {
     if (mesh.grids.empty() || !is_flat(mesh.grids[0]))
         throw InputError({path}, "'" + mesh.name + "' hands out no grid of heights",
                          "bake a procedural that does, such as a terrain");
     const std::string extension = extension_of(path);
-    if (extension == ".png") return write_height_png(path, mesh);
-    if (extension == ".tif" || extension == ".tiff") return write_height_tiff(path, mesh);
-    write_all_grids(path, mesh);
+    if (extension == ".png") return write_height_png(path, mesh, range);
+    if (extension == ".tif" || extension == ".tiff")
+        write_height_tiff(path, mesh);
+    else
+        write_all_grids(path, mesh);
+    return 0;
 }
 
 // ---- The surface

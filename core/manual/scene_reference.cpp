@@ -31,18 +31,52 @@ std::string default_of(const ParamSpec& spec) {
     return spec.initial == "none" ? "-" : spec.initial;
 }
 
+// A help text behind `row`, wrapped at 100 columns below its beginning; where the row leaves little room, below the row.
+std::string with_help(std::string row, std::string_view help) {
+    constexpr size_t columns = 100, min_width = 36, indent = 8;
+    size_t begin = row.size();
+    if (columns < begin + min_width && begin + help.size() > columns) {
+        row.erase(row.find_last_not_of(' ') + 1);
+        row += "\n" + std::string(indent, ' ');
+        begin = indent;
+    }
+    size_t at = begin;
+    for (size_t word = 0; word < help.size();) {
+        const size_t end = std::min(help.find(' ', word), help.size());
+        if (at > begin && at + 1 + (end - word) > columns) {
+            row += "\n" + std::string(begin, ' ');
+            at = begin;
+        } else if (at > begin) {
+            row += ' ';
+            ++at;
+        }
+        row += help.substr(word, end - word);
+        at += end - word;
+        word = end + 1;
+    }
+    row.erase(row.find_last_not_of(' ') + 1);
+    return row + "\n";
+}
+
+// The width of a column: of its longest cell that is not so long that it would push all others aside.
+void widen(size_t& column, const std::string& cell) {
+    constexpr size_t max_column = 28;
+    if (cell.size() <= max_column) column = std::max(column, cell.size());
+}
+
 std::string params_text(std::span<const ParamSpec> params) {
     size_t name = 0, kind = 0, initial = 0, unit = 0;
     for (const ParamSpec& spec : params) {
-        name = std::max(name, spec.name.size());
-        kind = std::max(kind, kind_of(spec).size());
-        initial = std::max(initial, default_of(spec).size());
-        unit = std::max(unit, spec.unit.size());
+        widen(name, spec.name);
+        widen(kind, kind_of(spec));
+        widen(initial, default_of(spec));
+        widen(unit, spec.unit);
     }
     std::string text;
     for (const ParamSpec& spec : params)
-        text += fmt::format("    {:{}}  {:{}}  {:{}}  {:{}}  {}\n", spec.name, name, kind_of(spec), kind,
-                            default_of(spec), initial, spec.unit, unit, spec.help);
+        text += with_help(fmt::format("    {:{}}  {:{}}  {:{}}  {:{}}  ", spec.name, name, kind_of(spec),
+                                      kind, default_of(spec), initial, spec.unit, unit),
+                          spec.help);
     std::string_view last; // the list explained last
     for (const ParamSpec& spec : params) {
         const std::string_view list = list_of(spec.name);

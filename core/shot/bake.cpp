@@ -10,6 +10,7 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
 #include <span>
 
@@ -86,6 +87,23 @@ bool makes_strands(const Shot& shot) {
                                [](const auto& p) { return p->kind() == MARRAM_CURVES; });
 }
 
+bool holds_both(Baked what) { return what == Baked::strands_or_surface || what == Baked::surface_or_strands; }
+
+// A scene with strands and a surface, of which one is written because nobody has chosen.
+std::string other_warning(const Shot& shot, const std::string& output, bool strands) {
+    const auto made = [&](MarramOutputKind kind) {
+        const auto found =
+            std::ranges::find_if(shot.geometry.procedurals, [&](const auto& p) { return p->kind() == kind; });
+        return found == shot.geometry.procedurals.end() ? std::string() : (*found)->name();
+    };
+    const std::string surface = made(MARRAM_MESH), curves = made(MARRAM_CURVES);
+    if (surface.empty() || curves.empty()) return "";
+    return fmt::format("{}: has {}: choose with --what terrain or --what strands", output,
+                       strands
+                           ? fmt::format("the strands, not the surface of '{}'", surface)
+                           : fmt::format("the surface of '{}', not the strands of '{}'", surface, curves));
+}
+
 } // namespace
 
 void check_baked_formats(const BakeSettings& settings) {
@@ -95,6 +113,20 @@ void check_baked_formats(const BakeSettings& settings) {
             {settings.output}, "nothing is written in the format '" + extension + "'",
             "name it .hair, .usda, .ply or .obj for strands, .obj or .ply for the surface of a "
             "terrain or rock, .vdb for a rock as a level set, .exr, .tif, .tiff or .png for grids");
+    const Baked what = baked_format(extension)->what;
+    if (settings.what == "terrain" && what == Baked::strands)
+        throw InputError({"--what terrain"}, "'" + extension + "' holds strands only",
+                         "bake a surface to .obj or .ply, heights to .exr, .tif or .png");
+    if (settings.what == "strands" && (what == Baked::level_set || what == Baked::grids))
+        throw InputError({"--what strands"}, "'" + extension + "' holds no strands",
+                         "bake strands to .usda, .hair, .ply or .obj");
+    if (settings.range && extension != ".png")
+        throw InputError({"--range"}, "'" + extension + "' needs no range: it holds metres",
+                         "leave it out, or bake heights to .png");
+    if (settings.range && !(settings.range->x() < settings.range->y()))
+        throw InputError({"--range"},
+                         fmt::format("{:g} is not below {:g}", settings.range->x(), settings.range->y()),
+                         "give the heights that are black and white, the lower one first");
     const std::string meshes = std::filesystem::path(settings.colliders).extension().string();
     if (!settings.colliders.empty() && meshes != ".obj" && meshes != ".usda")
         throw InputError({settings.colliders}, "colliders are written as .obj or .usda",
@@ -105,7 +137,8 @@ void check_baked_formats(const BakeSettings& settings) {
 }
 
 void check_baked_strands(const Shot& shot, const BakeSettings& settings) {
-    if (baked_format(extension_of_output(settings))->what == Baked::strands && !makes_strands(shot))
+    const Baked what = baked_format(extension_of_output(settings))->what;
+    if ((what == Baked::strands || settings.what == "strands") && !makes_strands(shot))
         throw InputError({settings.output}, "the scene has no strands",
                          "bake a scene with some, or the surface of its terrain or rock to .ply or .obj");
 }
@@ -134,23 +167,58 @@ BuildSettings build_settings_for_bake(const Shot& shot, const BakeSettings& sett
     return build;
 }
 
-void write_baked(const Shot& shot, const World& world, const BakeSettings& settings,
-                 const std::string& output) {
+namespace {
+
+const MeshGeometry& mesh_of_grids(const World& world, const std::string& output) {
+    return only_one(meshes_with_grids(world), output, "terrain, or rock with map");
+}
+
+std::vector<std::string> write_baked_grids(const World& world, const BakeSettings& settings,
+                                           const std::string& output) {
+    const MeshGeometry& mesh = mesh_of_grids(world, output);
+    const size_t clamped = write_grids(output, mesh, settings.range);
+    if (clamped == 0) return {};
+    const Vec2d heights = height_range(mesh);
+    return {fmt::format(
+        "{}: {} of {} heights are outside the range and are clamped, they are {:.6g} to {:.6g} m: give "
+        "--range {:g},{:g}",
+        output, clamped, mesh.grids[0].values.size(), heights.x(), heights.y(), std::floor(heights.x()),
+        std::ceil(heights.y()))};
+}
+
+} // namespace
+
+Vec2d baked_heights(const World& world, const std::string& file) {
+    return height_range(mesh_of_grids(world, file));
+}
+
+std::vector<std::string> write_baked(const Shot& shot, const World& world, const BakeSettings& settings,
+                                     const std::string& output) {
     const Baked what = baked_format(extension_of_output(settings))->what;
-    const bool strands =
+    const bool prefers_strands =
         what == Baked::strands || (what == Baked::strands_or_surface && makes_strands(shot)) ||
         (what == Baked::surface_or_strands && makes_strands(shot) && meshes_with_grids(world).empty());
-    if (strands)
-        return write_curves(output, world.curves, world.frame, shot.description.globals.number("fps"));
-    if (what == Baked::grids)
-        return write_grids(output, only_one(meshes_with_grids(world), output, "terrain, or rock with map"));
+    const bool strands = settings.what.empty() ? prefers_strands : settings.what == "strands";
+    std::vector<std::string> warnings;
+    if (settings.what.empty() && holds_both(what))
+        if (std::string warning = other_warning(shot, settings.output, strands); !warning.empty())
+            warnings.push_back(std::move(warning));
+    if (strands) {
+        write_curves(output, world.curves, world.frame, shot.description.globals.number("fps"));
+        return warnings;
+    }
+    if (what == Baked::grids) return write_baked_grids(world, settings, output);
     const MeshGeometry& mesh = baked_surface(shot, world, output, what == Baked::level_set);
     if (!settings.attributes.empty())
         throw InputError({"--attributes"}, "'" + output + "' is the surface of '" + mesh.name + "'",
                          "bake strands to .usda, or leave --attributes out");
-    if (output.ends_with(".ply")) return write_surface_ply(output, mesh);
-    if (what == Baked::level_set) return write_level_set(output, mesh);
-    write_colliders_obj(output, std::span(&mesh, 1));
+    if (output.ends_with(".ply"))
+        write_surface_ply(output, mesh);
+    else if (what == Baked::level_set)
+        write_level_set(output, mesh);
+    else
+        write_colliders_obj(output, std::span(&mesh, 1));
+    return warnings;
 }
 
 void write_colliders(const World& world, const std::string& file, double fps) {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/shot/scene_summary.h"
 
+#include "core/shot/file_summary.h"
 #include "core/shot/settings.h"
 
 #include <fmt/format.h>
@@ -22,7 +23,8 @@ std::string mesh_reports(const Shot& shot, const Report& report) {
     for (const auto& [path, entry] : report.entries())
         for (const std::string& type : types)
             if (path.starts_with(type))
-                text += fmt::format("{}: {:.6g} {}\n", path, report(path),
+                text += fmt::format("{}: {:.6g}{}{}\n", path, report(path),
+                                    entry.declared.unit && *entry.declared.unit ? " " : "",
                                     entry.declared.unit ? entry.declared.unit : "");
     return text;
 }
@@ -86,8 +88,7 @@ std::string scene_summary(Shot& shot, const std::atomic<bool>& cancel) {
         segments * bvh_seconds * (1.0 + 0.3 * (keys - 1.0)), strand_seconds(stats.report));
     text += fmt::format("film: {} x {}, {:.3g} paths\n", width, height,
                         double(width) * height * shot.description.film.integer("samples"));
-    const Vec3f size = world.bounds.sizes();
-    text += fmt::format("bounds of the meshes: {:.4g} x {:.4g} x {:.4g} m\n", size.x(), size.y(), size.z());
+    if (!world.bounds.isEmpty()) text += fmt::format("bounds of the meshes: {}\n", box_text(world.bounds));
     for (const auto& procedural : shot.geometry.procedurals)
         if (const std::string tables = procedural->describe(); !tables.empty())
             text += fmt::format("\n# What '{}' has generated, to be edited by hand:\n{}", procedural->name(),

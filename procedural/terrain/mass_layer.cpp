@@ -202,8 +202,13 @@ std::string MassLayer::described(size_t index, const Fields& below) const {
         for (size_t arm = 0; arm < dune.crests.size(); ++arm) {
             const std::string name = fmt::format("dune_{}_{}_{}", index, dune.id, arm);
             std::string points;
-            for (const Vec2d& p : dune.crests[arm])
-                points += fmt::format("{}[{}, 0, {}]", points.empty() ? "" : ", ", p.x(), p.y());
+            for (size_t line = 0; const Vec2d& p : dune.crests[arm]) { // lines of at most 100 columns
+                constexpr size_t most_columns = 98, head = 10;         // head: "points = ["
+                const std::string point = fmt::format("[{}, 0, {}]", p.x(), p.y());
+                const bool breaks = !points.empty() && line + point.size() > most_columns;
+                points += (points.empty() ? "" : breaks ? ",\n    " : ", ") + point;
+                line = (points.size() == point.size() ? head : breaks ? 4 : line + 2) + point.size();
+            }
             DuneSettings drawn = settings_of_drawn(dune.crests[arm], dune.settings);
             if (settings().mode == Combine::replace)
                 drawn.max_dist = 0.0; // otherwise it would replace sand beyond the foot

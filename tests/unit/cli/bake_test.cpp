@@ -373,9 +373,20 @@ TEST(Bake, WritesATerrainsSurface) {
         "c.toml", terrain_scene(hills) +
                       "[[procedural]]\ntype = \"groom\"\nname = \"grass\"\non = \"desert\"\ncount = 5\n"
                       "length = 0.2\nwidth = 0.01\n");
-    bake(furred, folder / "c.obj");
+    const ProgramResult strands = marram({"bake", furred, "-o", folder / "c.obj"});
     EXPECT_CONTAINS(read_file(folder / "c.obj"), "\nl 1 2");
-    bake(furred, folder / "c.ply");
+    EXPECT_CONTAINS(strands.err,
+                    "c.obj: has the strands, not the surface of 'desert': choose with --what terrain or");
+    const ProgramResult chosen = marram({"bake", furred, "-o", folder / "c.obj", "--what", "terrain"});
+    EXPECT_EQ(chosen.err.find("--what"), std::string::npos) << chosen.err;
+    EXPECT_TRUE(read_file(folder / "c.obj") == read_file(folder / "a.obj"));
+    for (const auto& [option, file] : {std::pair("--what=terrain", "e.hair"),
+                                       {"--what=strands", "e.exr"},
+                                       {"--range=0,1", "e.tif"},
+                                       {"--range=1,0", "e.png"},
+                                       {"--range=1", "e.png"}})
+        EXPECT_EQ(marram({"bake", furred, "-o", folder / file, option}).code, 2) << option;
+    bake(furred, folder / "c.ply", {"--what", "terrain"});
     EXPECT_TRUE(read_file(folder / "c.ply") == ply);
     EXPECT_EQ(marram({"bake", furred, "-o", folder / "e.ply", "--attributes", "root_uv"}).code, 2);
     EXPECT_FALSE(folder.names().contains("e.ply"));
@@ -386,6 +397,31 @@ TEST(Bake, WritesATerrainsSurface) {
         EXPECT_EQ(marram({"bake", bare, "-o", folder / output}).code, 2) << output;
         EXPECT_FALSE(folder.names().contains(output));
     }
+}
+
+// Heights of all frames have one range, or that of --range.
+TEST(Bake, HeightsOfASequenceHaveOneRange) {
+    const Folder folder;
+    const std::string scene = folder.write(
+        "a.toml", "[camera]\nposition = [0, 9, 30]\ntarget = [0, 0, 0]\n[wind]\ndirection = [1, 0, 0]\nspeed "
+                  "= 12\n[[light]]\ntype = \"sky\"\n"
+                  "[[procedural]]\ntype = \"terrain\"\nname = \"desert\"\nsize = [20, 8]\ncell = 1\n"
+                  "[[procedural.layer]]\ntype = \"noise\"\ntarget = \"sand\"\namplitude = 2\noffset = 2\n"
+                  "wavelength = 10\n[[procedural.layer]]\ntype = \"dune_solver\"\ndays_per_frame = 2\n");
+    const auto range_of = [&](const std::string& name, const char* end) {
+        return read_metadata(folder / name, fmt::format("marram:range_{}", end)).value_or("none");
+    };
+    bake(scene, folder / "one.####.png", {"--frame", "3"});
+    bake(scene, folder / "all.####.png", {"--frames", "1,3"});
+    bake(scene, folder / "set.####.png", {"--frames", "1,3", "--range", "-5,12.5"});
+    for (const char* end : {"low", "high"})
+        EXPECT_EQ(range_of("all.0001.png", end), range_of("all.0003.png", end)) << end;
+    EXPECT_NE(range_of("one.0003.png", "high"), range_of("all.0003.png", "high"));
+    EXPECT_EQ(range_of("set.0003.png", "low"), "-5");
+    EXPECT_EQ(range_of("set.0001.png", "high"), "12.5");
+    const ProgramResult clamped = marram({"bake", scene, "-o", folder / "low.png", "--range", "0,1"});
+    EXPECT_CONTAINS(clamped.err, "heights are outside the range and are clamped, they are ");
+    EXPECT_CONTAINS(clamped.err, " m: give --range 0,");
 }
 
 // A dune along a file's curve equals one along the same points in the scene.

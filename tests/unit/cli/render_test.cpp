@@ -300,7 +300,45 @@ TEST(Program, SaysWhatThereIs) {
     const ProgramResult scene = marram({"info", folder.write("a.toml", SceneText{})});
     EXPECT_EQ(scene.code, 0) << scene.err;
     EXPECT_CONTAINS(scene.out, "300 curves of 5 CVs");
+    EXPECT_CONTAINS(scene.out, " m around (0, ");
+    const ProgramResult few = marram({"info", folder / "a.toml", "--set", "procedural.grass.count=7"});
+    EXPECT_CONTAINS(few.out, "7 curves of 5 CVs");
+    EXPECT_EQ(marram({"info", "groom", "--set", "wind.speed=1"}).code, 2);
+    const ProgramResult bare =
+        marram({"info", folder.write("bare.toml", "[camera]\nposition = [0, 1, 3]\ntarget = [0, 0, "
+                                                  "0]\n[[curves]]\ntype = \"points\"\nname = \"c\"\n"
+                                                  "points = [[0, 0, 0], [0, 1, 0]]\n")});
+    EXPECT_EQ(bare.code, 0) << bare.err;
+    EXPECT_EQ(bare.out.find("inf"), std::string::npos) << bare.out;
+    for (const std::string& line : lines(marram({"info", "film"}).out)) EXPECT_LE(line.size(), 100U) << line;
     EXPECT_EQ(marram({"info", "no_such_thing"}).code, 2);
+}
+
+TEST(Program, DescribesFiles) {
+    const Folder folder;
+    folder.write("m.obj", "v 0 0 0\nv 2 0 0\nv 0 4 2\nf 1 2 3\n");
+    folder.write("s.obj", "v 0 0 0\nv 1 0 0\nv 1 1 0\nl 1 2 3\n");
+    folder.write("s.ply", "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\n"
+                          "property float z\nproperty int strand_id\nend_header\n0 0 0 1\n0 1 0 1\n");
+    const std::vector<float> depth = {1.0F, -2.5F, float(INFINITY), 4.0F};
+    const Layer layer{"depth", {"Z"}, depth.data(), false};
+    write_exr(folder / "p.exr", 2, 2, std::span(&layer, 1), std::vector<Metadata>{{"marram:frame", 3}});
+    for (const auto& [file, what] :
+         {std::pair(
+              "m.obj",
+              "mesh: 3 vertices, 1 triangles, no uvs, no normals\nbounds: 2 x 4 x 2 m around (1, 2, 1)\n"),
+          {"s.obj",
+           "strands: 1 polylines, 3 CVs in all, no widths\nbounds: 1 x 1 x 0 m around (0.5, 0.5, 0)\n"},
+          {"s.ply", "strands: 1 polylines, 2 CVs in all"},
+          {"p.exr", "picture: 2 x 2 pixels, 1 channel\nchannel depth.Z: -2.5 to 4, 1 not finite\n"}}) {
+        const ProgramResult info = marram({"info", folder / file});
+        EXPECT_EQ(info.code, 0) << info.err;
+        EXPECT_CONTAINS(info.out, what);
+    }
+    EXPECT_CONTAINS(marram({"info", folder / "p.exr"}).out, "marram:frame: 3\n");
+    EXPECT_EQ(marram({"info", folder / "none.obj"}).code, 2);
+    folder.write("bad.obj", "v 0 0\n");
+    EXPECT_CONTAINS(marram({"info", folder / "bad.obj"}).err, "bad.obj:1");
 }
 
 // Ids are discrete: the mean of two would be the id of a third strand.

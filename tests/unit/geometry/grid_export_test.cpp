@@ -89,6 +89,18 @@ TEST_F(GridFiles, ALevelTerrainHasARangeToo) {
         EXPECT_EQ(value, 0.0F);
 }
 
+TEST_F(GridFiles, ARangeMayBeGiven) {
+    const std::vector<float>& height = mesh.grids[0].values;
+    EXPECT_EQ(write_grids(path("a.png"), mesh, Vec2d(200.0, 400.0)), 0U);
+    EXPECT_EQ(*read_placement(path("a.png")).range, Vec2d(200.0, 400.0));
+    const std::vector<float> wide = read_image(path("a.png"), ColorSpace::linear_data).pixels;
+    for (size_t i = 0; i < height.size(); ++i) EXPECT_NEAR(200.0F + 200.0F * wide[i], height[i], 0.002F);
+    const auto above = size_t(std::ranges::count_if(height, [](float v) { return v > 305.0F; }));
+    EXPECT_EQ(write_grids(path("a.png"), mesh, Vec2d(0.0, 305.0)), above);
+    EXPECT_EQ(std::ranges::count(read_image(path("a.png"), ColorSpace::linear_data).pixels, 1.0F),
+              long(above));
+}
+
 TEST_F(GridFiles, RefusesPlacesThatCannotBe) {
     const float pixel = 1.0F;
     const Layer layers[] = {{"", {"Y"}, &pixel, false}};

@@ -136,11 +136,14 @@ void set_triangle(const MeshGeometry& mesh, uint32_t triangle, const Vec2f& bary
         const Vec3f n = w * normals[0] + u * normals[1] + v * normals[2];
         const float length = n.norm();
         if (length > 0.0F) point.normal = n / length;
+        const float side = point.normal.dot(point.geometric_normal) < 0.0F ? -1.0F : 1.0F; // see hit.h
+        point.normal *= side;
         const std::array<float, 3> weight = {w, u, v};
         const std::array<const Vec3d*, 3> vertex = {&a, &b, &c};
         for (size_t k = 0; k < 3; ++k) {
-            const float height = (point.position - *vertex[k]).cast<float>().dot(normals[k]);
-            point.patch_offset[height < 0.0F ? 0 : 1] -= weight[k] * height * normals[k];
+            const Vec3f normal = side * normals[k];
+            const float height = (point.position - *vertex[k]).cast<float>().dot(normal);
+            point.patch_offset[height < 0.0F ? 0 : 1] -= weight[k] * height * normal;
         }
     }
     point.sidedness_normal = point.geometric_normal;
@@ -154,7 +157,7 @@ void set_triangle(const MeshGeometry& mesh, uint32_t triangle, const Vec2f& bary
 // the border of the shadow would show the triangles. So shading and rays that leave treat the surface as the smooth one:
 // the sign of normal . d says on which side a direction d is, and a ray near the plane or below it starts on a curved patch
 // (Hanika, "Hacking the Shadow Terminator", Ray Tracing Gems II, 2021). Not at silhouettes, where the smooth surface
-// faces away from the ray, and not where the vertex normals oppose the triangle's.
+// faces away from the ray.
 void choose_sidedness_normal(const Vec3f& direction, SurfacePoint& point) {
     const float cos_plane = point.geometric_normal.dot(direction), cos_smooth = point.normal.dot(direction);
     if ((cos_plane < 0.0F) == (cos_smooth < 0.0F) && point.geometric_normal.dot(point.normal) > 0.0F)

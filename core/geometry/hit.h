@@ -37,7 +37,10 @@ struct SurfacePoint {
     double error = 0.0; // bound of |position - the surface as Embree computes it|, along the normal
     Vec3f geometric_normal =
         Vec3f::UnitZ(); // mesh: its anticlockwise side; round: away from the axis; ribbon: see hit.cpp
-    Vec3f normal = Vec3f::UnitZ(); // for shading: interpolated vertex normals if the mesh has them
+    // For shading: interpolated vertex normals if the mesh has them, turned to the side of geometric_normal. Shaders turn both to
+    // the side that is seen. So a triangle that is wound against its normals or its neighbours looks like these. Light never
+    // passes: sidedness_normal alone says which directions are behind the surface.
+    Vec3f normal = Vec3f::UnitZ();
     // Triangles: vertex normals stand for a smooth surface (Hanika 2021, see hit.cpp). The sign of
     // sidedness_normal . d says on which side of it a direction d is. patch_offset: m, where spawn() starts grazing
     // rays, from the position: [0] for rays on sidedness_normal's side, [1] for those on the other. Not set on curves.

@@ -2,6 +2,7 @@
 #include "core/geometry/mesh.h"
 
 #include "core/geometry/mesh_reader.h"
+#include "core/geometry/mesh_sides.h"
 
 #include <fmt/format.h>
 #include <tbb/blocked_range.h>
@@ -110,6 +111,26 @@ void finish_normals(Mesh& mesh, bool smooth) {
     }
 }
 
+bool same_but_for_sides(const std::vector<Triangle>& a, const std::vector<Triangle>& b) {
+    return std::ranges::equal(a, b, [](const Triangle& s, const Triangle& t) {
+        return s == t || (s[0] == t[0] && s[1] == t[2] && s[2] == t[1]);
+    });
+}
+
+// The sides of a mesh as read, before missing normals are made.
+void settle(Mesh& mesh, const MeshLoading& loading, bool may_be_wrong) {
+    if (loading.first_shape) { // vertices that meet at one frame must not change sides
+        if (loading.flip)
+            for (Vec3f& normal : mesh.normals) normal = -normal;
+        if (same_but_for_sides(mesh.triangles, loading.first_shape->triangles))
+            mesh.triangles = loading.first_shape->triangles;
+        return;
+    }
+    const MeshSides sides = may_be_wrong ? settle_sides(mesh) : MeshSides{};
+    if (loading.sides) *loading.sides = sides;
+    if (loading.flip) flip_sides(mesh);
+}
+
 } // namespace
 
 // An open hash table over the positions' bits.
@@ -147,7 +168,7 @@ std::vector<Vec3f> vertex_normals(std::span<const Vec3f> positions, std::span<co
     return normals;
 }
 
-Mesh load_mesh(const std::string& path, bool smooth) {
+Mesh load_mesh(const std::string& path, const MeshLoading& loading) {
     const std::string extension = extension_of(path);
     if (extension != ".obj" && extension != ".ply" && extension != ".vdb")
         throw InputError(Place{path}, fmt::format("meshes of the type \"{}\" are not known", extension),
@@ -163,7 +184,8 @@ Mesh load_mesh(const std::string& path, bool smooth) {
     if (mesh.triangles.size() > greatest_count || mesh.positions.size() > greatest_count)
         throw InputError(Place{path}, "has more than 4,294,967,294 vertices or triangles",
                          "split it into several files");
-    finish_normals(mesh, smooth);
+    settle(mesh, loading, extension != ".vdb");
+    finish_normals(mesh, loading.smooth);
     reserve_spare_bytes(mesh.positions);
     reserve_spare_bytes(mesh.normals);
     reserve_spare_bytes(mesh.uvs);

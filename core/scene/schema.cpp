@@ -80,6 +80,8 @@ std::vector<ParamSpec> film_params() {
 // Appends the parameters that every mesh has to those of its type.
 ItemSchema mesh_type(const char* type, const char* help, std::vector<ParamSpec> params) {
     params.push_back({"material", reference, "", "none", -any, any, "material", "default: a plain grey"});
+    params.push_back({"flip", boolean, "", "false", -any, any, "",
+                      "turns the mesh over: strands grow and light leaves on the other side"});
     params.push_back(
         {"transform", keys, "", "{}", -any, any, "",
          "{ translate, rotate, scale } or { keys = [{ frame, ... }, ...], interpolation }: scale, then "

@@ -2,6 +2,7 @@
 #include "core/shot/scene_meshes.h"
 
 #include "core/geometry/build.h"
+#include "core/geometry/mesh_sides.h"
 #include "core/geometry/polylines.h"
 #include "core/geometry/strand_file.h"
 #include "core/image/data_image.h"
@@ -47,15 +48,54 @@ Mesh load_heightfield(const ParamSet& params, std::vector<std::string>& warnings
     return heightfield_mesh(heights, width, height, vec2f(params, "size"), float(params.number("height")));
 }
 
-Mesh load_mesh_item(const Item& item, std::vector<std::string>& warnings) {
+Mesh built_in_mesh(const Item& item, std::vector<std::string>& warnings) {
     const ParamSet& params = item.params;
-    if (item.type == "file") return load_mesh(numbered_files(item).front().second, params.boolean("smooth"));
     if (item.type == "plane") return plane_mesh(vec2f(params, "size"), params.integer("divisions"));
     if (item.type == "box") return box_mesh(vec3f(params, "size"));
     if (item.type == "sphere")
         return sphere_mesh(float(params.number("radius")), params.integer("divisions"),
                            float(params.number("bumps")), float(params.number("frequency")));
     return load_heightfield(params, warnings);
+}
+
+// One line for triangles that were turned, one for closed parts that are inside out.
+void warn_of_sides(const Item& item, const MeshSides& sides, size_t triangles,
+                   std::vector<std::string>& warnings) {
+    const std::string mesh =
+        fmt::format("{}: mesh \"{}\"", to_string(item.params.at("file").place), item.name);
+    const auto at = [](const Vec3f& p) {
+        return fmt::format("({:.4g}, {:.4g}, {:.4g})", p.x(), p.y(), p.z());
+    };
+    if (sides.turned > 0)
+        warnings.push_back(fmt::format("{}: {} of {} triangles are wound against their neighbours or their "
+                                       "vertex normals, the first at {} of the "
+                                       "file: they are turned, and strands grow on the side of the majority "
+                                       "of each connected part: make the "
+                                       "winding consistent where the mesh was made",
+                                       mesh, sides.turned, triangles, at(sides.first_turned)));
+    if (sides.inside_out == 0 || item.params.boolean("flip")) return;
+    const bool all = sides.inside_out == sides.closed_parts;
+    warnings.push_back(
+        fmt::format("{} is inside out: {} (negative volume), so strands grow inwards{}", mesh,
+                    all ? "it is closed and its triangles face inwards"
+                        : fmt::format("the triangles of {} of its {} closed parts face inwards, those of the "
+                                      "first at {} of the file",
+                                      sides.inside_out, sides.closed_parts, at(sides.first_inside_out)),
+                    all ? ": add flip = true to the mesh" : ": turn these parts where the mesh was made"));
+}
+
+Mesh load_mesh_item(const Item& item, std::vector<std::string>& warnings) {
+    const bool flip = item.params.boolean("flip");
+    if (item.type != "file") {
+        Mesh mesh = built_in_mesh(item, warnings);
+        if (flip) flip_sides(mesh);
+        return mesh;
+    }
+    MeshSides sides;
+    Mesh mesh = load_mesh(numbered_files(item).front().second,
+                          {.smooth = item.params.boolean("smooth"), .flip = flip, .sides = &sides});
+    warn_of_sides(item, sides, mesh.triangles.size(), warnings);
+    return mesh;
 }
 
 } // namespace
@@ -284,7 +324,9 @@ std::vector<MeshShape> load_shapes(const Item& item, const Mesh& first, const st
     for (size_t i = 1; i < files.size(); ++i) {
         if (cancel.load()) throw Cancelled{};
         const auto& [frame, file] = files[i];
-        Mesh mesh = load_mesh(file, item.params.boolean("smooth"));
+        Mesh mesh = load_mesh(file, {.smooth = item.params.boolean("smooth"),
+                                     .flip = item.params.boolean("flip"),
+                                     .first_shape = &first});
         if (mesh.triangles != first.triangles || mesh.positions.size() != first.positions.size() ||
             mesh.normals.size() != first.normals.size())
             throw InputError(

@@ -66,6 +66,47 @@ TEST(Deform, is_blurred_as_the_mean_of_its_instants) {
     EXPECT_CONTAINS(read_file(folder / "s.json"), "\"keys\": 2");
 }
 
+// Implausible sides of a mesh are one line each, with count, place and remedy; strands then grow outwards.
+TEST(Deform, sides_that_cannot_be_meant_are_warnings) {
+    const Folder folder;
+    const std::string corners = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 1\nv 1 0 1\nv 1 1 1\nv 0 1 1\n";
+    folder.write("inwards.obj",
+                 corners + "f 1 2 3 4\nf 8 7 6 5\nf 1 4 8 5\nf 6 7 3 2\nf 5 6 2 1\nf 4 3 7 8\n");
+    folder.write("mixed.obj", corners + "f 1 2 3 4\nf 5 6 7 8\nf 5 8 4 1\nf 2 3 7 6\nf 1 2 6 5\nf 8 7 3 4\n");
+    const auto scene = [&](const std::string& mesh) {
+        return folder.write("a.toml",
+                            "[camera]\nposition = [3, 3, 4]\ntarget = [0, 0, 0]\n[film]\nsize = [8, 8]\n"
+                            "samples = 1\n[[light]]\ntype = \"sky\"\n[[mesh]]\nname = \"body\"\ntype = "
+                            "\"file\"\nfile = \"" +
+                                mesh +
+                                "\n[[procedural]]\nname = \"fur\"\ntype = \"groom\"\non = "
+                                "\"body\"\ncount = 200\nlength = 0.2\nwidth = 0.01\ncvs = 4\n");
+    };
+    const auto bake = [&](const std::string& mesh) {
+        ProgramResult done = marram({"bake", scene(mesh), "-o", folder / "s.obj", "--quiet"}, run_copy);
+        EXPECT_EQ(done.code, 0) << done.err;
+        std::istringstream in(read_file(folder / "s.obj"));
+        size_t outside = 0; // CVs
+        double x = 0.0, y = 0.0, z = 0.0;
+        for (std::string line; std::getline(in, line);)
+            if (std::sscanf(line.c_str(), "v %lf %lf %lf", &x, &y, &z) == 3)
+                outside += std::min({x, y, z}) < -0.01 || std::max({x, y, z}) > 1.01;
+        return std::pair(done.err, outside);
+    };
+    const auto [inwards, none] = bake("inwards.obj\"");
+    EXPECT_CONTAINS(inwards, "mesh \"body\" is inside out");
+    EXPECT_CONTAINS(inwards, "flip = true");
+    EXPECT_EQ(none, 0U);
+    const auto [silent, all] = bake("inwards.obj\"\nflip = true");
+    EXPECT_EQ(silent, "");
+    EXPECT_GT(all, 400U);
+    const auto [mixed, most] = bake("mixed.obj\"");
+    EXPECT_CONTAINS(mixed, "2 of 12 triangles are wound against their neighbours");
+    EXPECT_CONTAINS(mixed, "the first at (");
+    EXPECT_EQ(lines(mixed).size(), 1U);
+    EXPECT_GT(most, 400U);
+}
+
 TEST(Deform, carries_its_strands) {
     const Folder folder;
     write_square(folder, "square.0001.obj", 0.5);

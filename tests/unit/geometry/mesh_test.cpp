@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/geometry/mesh.h"
+#include "core/geometry/mesh_sides.h"
 #include "core/math/problem.h"
 
 #include <gtest/gtest.h>
@@ -12,6 +13,7 @@
 #include <cstring>
 #include <filesystem>
 #include <fstream>
+#include <functional>
 #include <map>
 #include <random>
 #include <sstream>
@@ -321,6 +323,137 @@ TEST_F(MeshFiles, PlyKeepsNormalsAndFloats) {
     EXPECT_EQ(mesh.positions[0], Vec3f(0.1f, 0.0f, 0.0f));
     EXPECT_EQ(mesh.normals[1], Vec3f(0, 1, 0));
     EXPECT_EQ(mesh.normals[2], Vec3f(0, 0, 1));
+}
+
+// ---- Sides ------------------------------------------------------------------------------------------------
+
+// An .obj of `n` x `n` squares in the plane y = 0, facing up; those for which reversed(square) holds face down. vn: "" or lines.
+std::string squares(int n, const std::function<bool(int)>& reversed, const std::string& normal = "") {
+    std::string text = normal;
+    for (int j = 0; j <= n; ++j)
+        for (int i = 0; i <= n; ++i) text += "v " + std::to_string(i) + " 0 " + std::to_string(-j) + "\n";
+    for (int j = 0; j < n; ++j)
+        for (int i = 0; i < n; ++i) {
+            const int a = j * (n + 1) + i + 1;
+            std::array<int, 4> corners = {a, a + 1, a + n + 2, a + n + 1};
+            if (reversed(j * n + i)) std::swap(corners[1], corners[3]);
+            text += "f";
+            for (const int v : corners) text += " " + std::to_string(v) + (normal.empty() ? "" : "//1");
+            text += "\n";
+        }
+    return text;
+}
+
+// A cube of half-width h; inwards: wound the wrong way. first: number of vertices before it.
+std::string cube(double h, bool inwards, int first = 0) {
+    std::ostringstream text;
+    for (int v = 0; v < 8; ++v)
+        text << "v " << (v & 1 ? h : -h) << ' ' << (v & 2 ? h : -h) << ' ' << (v & 4 ? h : -h) << "\n";
+    for (const std::array<int, 4> f :
+         {std::array{0, 2, 3, 1}, {4, 5, 7, 6}, {0, 1, 5, 4}, {2, 6, 7, 3}, {0, 4, 6, 2}, {1, 3, 7, 5}}) {
+        text << "f";
+        for (int k = 0; k < 4; ++k) text << ' ' << first + f[size_t(inwards ? 3 - k : k)] + 1;
+        text << "\n";
+    }
+    return text.str();
+}
+
+struct MeshSidesTest : MeshFiles {
+    MeshSides sides;
+    Mesh settled(const std::string& bytes, bool smooth = true, bool flip = false) {
+        const fs::path path = folder / "sides.obj";
+        std::ofstream(path, std::ios::binary) << bytes;
+        return load_mesh(path.string(), {.smooth = smooth, .flip = flip, .sides = &sides});
+    }
+    static double up(const Mesh& mesh) { // least height of a triangle's normal
+        double least = 1.0;
+        for (const Triangle& t : mesh.triangles) least = std::min(least, cross(mesh, t).normalized().y());
+        return least;
+    }
+};
+
+TEST_F(MeshSidesTest, NeighboursAgreeWithTheMajority) {
+    const Mesh right = settled(squares(4, [](int) { return false; }));
+    EXPECT_EQ(sides.turned, 0U);
+    const auto some = [](int i) { return i == 5 || i == 10; };
+    Mesh mesh = settled(squares(4, some));
+    EXPECT_EQ(sides.turned, 4U);
+    EXPECT_LT((sides.first_turned - Vec3f(1.5F, 0.0F, -1.5F)).norm(), 0.3F);
+    EXPECT_GT(up(mesh), 0.99);
+    EXPECT_EQ(mesh.normals, right.normals) << "also where neighbours met that faced each other";
+    mesh = settled(squares(4, [&](int i) { return !some(i); })); // the majority looks down
+    EXPECT_EQ(sides.turned, 4U);
+    EXPECT_LT(up(mesh), -0.99);
+    mesh = settled(squares(4, some, "vn 0 1 0\n"));
+    EXPECT_EQ(sides.turned, 4U);
+    EXPECT_GT(up(mesh), 0.99);
+    mesh = settled(squares(
+        2, [](int) { return true; }, "vn 0 1 0\n")); // all are wound against their normals
+    EXPECT_EQ(sides.turned, 8U);
+    EXPECT_GT(up(mesh), 0.99);
+    settled(squares(2, some, "vn 0 1 0\n"), true, true); // flip: the other side, normals too
+    EXPECT_EQ(sides.turned, 0U);
+    mesh = settled(squares(2, some, "vn 0 1 0\n"), true, true);
+    EXPECT_LT(up(mesh), -0.99);
+    EXPECT_EQ(mesh.normals[0], Vec3f(0, -1, 0));
+}
+
+TEST_F(MeshSidesTest, ClosedPartsFaceOutwards) {
+    EXPECT_GT(volume(settled(cube(1, false))), 7.9);
+    EXPECT_EQ(sides.closed_parts, 1U);
+    EXPECT_EQ(sides.inside_out, 0U);
+    EXPECT_LT(volume(settled(cube(1, true))), -7.9) << "reported, not changed";
+    EXPECT_EQ(sides.inside_out, 1U);
+    EXPECT_EQ(sides.turned, 0U);
+    const Mesh flipped = settled(cube(1, true), true, true);
+    EXPECT_GT(volume(flipped), 7.9);
+    expect_sound(flipped);                      // normals of the right side
+    settled(cube(2, false) + cube(1, true, 8)); // a cavity
+    EXPECT_EQ(sides.closed_parts, 2U);
+    EXPECT_EQ(sides.inside_out, 0U);
+    settled(cube(1, false) + cube(2, true, 8));
+    EXPECT_EQ(sides.inside_out, 1U);
+    std::string one = cube(1, false); // one side of it is wound inwards
+    one.replace(one.find("f 1 3 4 2"), 9, "f 2 4 3 1");
+    EXPECT_GT(volume(settled(one)), 7.9);
+    EXPECT_EQ(sides.turned, 2U);
+    EXPECT_EQ(sides.inside_out, 0U);
+}
+
+TEST_F(MeshSidesTest, AStripWithOneSideIsLeftAlone) {
+    std::string text;
+    constexpr int n = 12;
+    for (int i = 0; i < n; ++i)
+        for (const double w : {-0.3, 0.3}) {
+            const double along = 2.0 * pi * i / n, turn = 0.5 * along, r = 1.0 + w * std::cos(turn);
+            std::ostringstream line;
+            line << "v " << r * std::cos(along) << ' ' << w * std::sin(turn) << ' ' << r * std::sin(along)
+                 << "\n";
+            text += line.str();
+        }
+    for (int i = 0; i < n; ++i) { // the last square joins edges of opposite direction
+        std::array<int, 4> f = {2 * i + 1, 2 * i + 2, 2 * i + 4, 2 * i + 3};
+        if (i == n - 1) f[2] = 1, f[3] = 2;
+        text += "f";
+        for (const int v : f) text += " " + std::to_string(v);
+        text += "\n";
+    }
+    const Mesh mesh = settled(text);
+    EXPECT_EQ(mesh.triangles.size(), size_t(2 * n));
+    EXPECT_EQ(sides.turned, 0U);
+    EXPECT_EQ(sides.closed_parts, 0U);
+}
+
+// A shape of a deforming mesh takes the sides of the first, even if its vertices meet.
+TEST_F(MeshSidesTest, ShapesTakeTheSidesOfTheFirst) {
+    const auto some = [](int i) { return i == 1; };
+    const Mesh first = settled(squares(2, some));
+    std::string point = squares(2, some);
+    for (size_t at = 0; (at = point.find("v ", at)) != std::string::npos; ++at)
+        point.replace(at, point.find('\n', at) - at, "v 1 0 1");
+    std::ofstream(folder / "point.obj") << point;
+    const Mesh shape = load_mesh((folder / "point.obj").string(), {.first_shape = &first});
+    EXPECT_EQ(shape.triangles, first.triangles);
 }
 
 // ---- Faults -----------------------------------------------------------------------------------------------

@@ -13,6 +13,27 @@ std::vector<ParamSpec> mesh_light_params() {
 
 MeshLight make_mesh_light(const ParamSet& params) { return {color_of(params, "radiance")}; }
 
+namespace {
+
+// Mean area of a triangle over the shutter, by Simpson's rule on each motion step. Vertices are linear over a step, so the area is
+// the length of a quadratic: if it is 0 at the three points, it is 0 throughout, and a triangle that ever shines is sampled.
+double mean_area(const World& world, uint32_t mesh, uint32_t triangle) {
+    const size_t steps = world.meshes[mesh].positions.size() - 1;
+    const auto area_at = [&](double time) {
+        const float area = mesh_point(world, mesh, triangle, Vec2f::Zero(), static_cast<float>(time)).area;
+        return std::isfinite(area) ? static_cast<double>(area) : 0.0;
+    };
+    if (steps == 0) return area_at(0.0);
+    double sum = 0.0;
+    for (size_t i = 0; i < 2 * steps + 1; ++i) {
+        const double weight = i == 0 || i == 2 * steps ? 1.0 : i % 2 == 1 ? 4.0 : 2.0;
+        sum += weight * area_at(static_cast<double>(i) / static_cast<double>(2 * steps));
+    }
+    return sum / (6.0 * static_cast<double>(steps));
+}
+
+} // namespace
+
 MeshSampler::MeshSampler(const MeshLight& light, uint32_t index, const World& world)
     : world_(&world), radiance_(light.radiance) {
     std::vector<double> areas;
@@ -20,9 +41,8 @@ MeshSampler::MeshSampler(const MeshLight& light, uint32_t index, const World& wo
         if (world.meshes[mesh].light != static_cast<int>(index)) continue;
         first_of_mesh_.emplace_back(mesh, areas.size());
         for (uint32_t triangle = 0; triangle < world.meshes[mesh].triangles.size(); ++triangle) {
-            const float area = mesh_point(world, mesh, triangle, Vec2f::Zero(), 0.5F).area;
             triangles_.push_back({mesh, triangle});
-            areas.push_back(std::isfinite(area) ? area : 0.0);
+            areas.push_back(mean_area(world, mesh, triangle));
         }
     }
     by_area_ = Distribution1D(areas);

@@ -8,6 +8,8 @@
 //   transmission  1     [0, 0, 0]           transmittance; color + transmission <= 1
 //   color_map     -     none                image that multiplies color; on strands by the uv at the root
 //   map_scale     1     [1, 1]              repeats of the image over the unit square of uv
+//   map_wrap      -     auto                beyond the border of an image: clamp, repeat, or auto: repeat if map_scale is
+//                                           given or the mesh has uvs outside 0 ... 1
 //   root_color    1     none                colour at the root of a strand; with tip_color it replaces color on strands
 //   tip_color     1     none                colour at the tip
 //   variation     1     0                   random difference between strands in brightness and hue, 0 ... 1

@@ -11,7 +11,7 @@
 //   roughness           1     0.4                 roughness of the coat: 0.03 wet ... 1 matt
 //   specular            1     0.03                reflectance of the coat at normal incidence; 0: no gloss
 //   fold                deg   20                  rotation of the normal at the blade's edges; strands only
-//   color_map, map_scale, root_color, tip_color, variation, tint, tint_color: as in diffuse
+//   color_map, map_scale, map_wrap, root_color, tip_color, variation, tint, tint_color: as in diffuse
 //
 //   [[material]]
 //   name = "blade"

@@ -12,7 +12,7 @@
 //   azimuthal_roughness  1     0.3                 azimuthal roughness
 //   tilt                 deg   2                   angle of the cuticle scales, which open towards the tip
 //   ior                  1     1.55                index of refraction
-//   color_map, map_scale, root_color, tip_color, variation, tint, tint_color: as in diffuse; melanin has no gradient
+//   color_map, map_scale, map_wrap, root_color, tip_color, variation, tint, tint_color: as in diffuse; melanin has no gradient
 //
 //   [[material]]
 //   name = "fur"

@@ -11,7 +11,7 @@
 //   ripple_direction  deg   0                   wind heading: 0 towards +x, 90 towards +z
 //   sparkle           1     0.05                fraction of the surface that is glassy facets; 0: none
 //   grain             m     0.0004              distance between grains
-//   color_map, map_scale, root_color, tip_color, variation, tint, tint_color: as in diffuse
+//   color_map, map_scale, map_wrap, root_color, tip_color, variation, tint, tint_color: as in diffuse
 //
 //   [[material]]
 //   name = "dune"

@@ -23,10 +23,14 @@ float signed_unit(uint32_t h) { return 2.0F * unit_float(h) - 1.0F; }
 std::vector<ParamSpec> strand_color_params() {
     constexpr double any = std::numeric_limits<double>::infinity();
     return {
-        {"color_map", ParamType::image, "", "none", -any, any, "",
+        {"color_map", ParamType::image, "", "none", -any, any, "uv",
          "image whose colour multiplies color, by uv; of a strand by that at its root"},
         {"map_scale", ParamType::vec2, "", "[1, 1]", -1e6, 1e6, "",
          "how often an image repeats over the unit square of uv"},
+        {"map_wrap", ParamType::choice, "", "auto", -any, any, "auto|clamp|repeat",
+         "beyond the border of an image: its last pixels, or the image again; auto: repeat if map_scale is "
+         "given or the "
+         "mesh has uvs outside 0 ... 1"},
         {"root_color", ParamType::color, "", "none", 0.0, 1.0, "",
          "colour at a strand's root, instead of color"},
         {"tip_color", ParamType::color, "", "none", 0.0, 1.0, "",
@@ -49,6 +53,8 @@ StrandColor read_strand_color(const ParamSet& params, const TextureOpener& open)
     StrandColor color;
     color.map = map_of(params, "color_map", TextureContent::color, open);
     color.map_scale = params.vec2("map_scale").cast<float>();
+    if (params.text("map_wrap") != "auto")
+        color.map_wrap = params.text("map_wrap") == "clamp" ? Wrap::clamp : Wrap::repeat;
     color.color = params.vec3("color").cast<float>();
     color.has_root = params.has("root_color");
     color.has_tip = params.has("tip_color");
@@ -65,7 +71,7 @@ Vec3f color_at(const StrandColor& color, const ShadingPoint& point) {
         result = color.root + point.strand_u * (color.tip - color.root);
     if (color.map) {
         const MapPlace place = map_place(color, point);
-        result = result.cwiseProduct(color.map->at(place.uv, place.width));
+        result = result.cwiseProduct(color.map->at(place.uv, place.width, place.wrap));
     }
     const float weight = std::isfinite(point.tint_weight) ? std::clamp(point.tint_weight, 0.0F, 1.0F) : 0.0F;
     return result + weight * (color.tint_color - result);

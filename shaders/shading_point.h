@@ -10,6 +10,7 @@
 #include <algorithm>
 #include <array>
 #include <cstdint>
+#include <optional>
 
 namespace marram {
 
@@ -31,6 +32,7 @@ struct ShadingPoint {
     Vec3d position = Vec3d::Zero();          // m, world space
     float footprint = 0.0F;                  // m: width of the ray cone, perpendicular to wo
     float uv_width = 0.0F;    // footprint in uv, along the surface; 0 if unknown, and on fibres
+    bool uv_tiled = false;    // the mesh has uvs outside the unit square: images repeat over it
     bool fibre = false;       // false: a surface; strand_u, h and strand_hash are not used
     bool flat = false;        // fibres: a flat ribbon
     float h = 0.0F;           // fibres: offset across the width, -1 ... 1, along tangent x wo
@@ -57,6 +59,8 @@ struct BsdfSample {
 //   color_map              -  none               image that multiplies color, or the gradient; by the uv of a
 //                                                surface, on strands by the uv at the root
 //   map_scale              1  [1, 1]             repeats of an image over the unit square of uv
+//   map_wrap               -  auto               beyond the border of an image: clamp, repeat, or auto: repeat if
+//                                                map_scale is given or the mesh has uvs outside the unit square
 //   root_color, tip_color  1  none               colours at the ends of a strand, instead of color; linear
 //                                                between
 //   variation              1  0                  random difference between strands, 0 ... 1: each channel is
@@ -80,9 +84,10 @@ struct StrandColor {
     Vec3f tint_color = Vec3f::Zero();
     std::shared_ptr<const Texture> map; // or nullptr
     Vec2f map_scale = Vec2f::Ones();
+    std::optional<Wrap> map_wrap; // none: auto
 };
 
-// The colour parameters of every shader: color_map, map_scale, root_color, tip_color, variation, tint,
+// The colour parameters of every shader: color_map, map_scale, map_wrap, root_color, tip_color, variation, tint,
 // tint_color.
 std::vector<ParamSpec> strand_color_params();
 // Throws InputError if the image cannot be read.
@@ -96,9 +101,12 @@ std::shared_ptr<const Texture> map_of(const ParamSet& params, const char* name, 
 struct MapPlace {
     Vec2f uv;
     float width;
+    Wrap wrap;
 };
 inline MapPlace map_place(const StrandColor& color, const ShadingPoint& point) {
-    return {point.uv.cwiseProduct(color.map_scale), point.uv_width * color.map_scale.cwiseAbs().maxCoeff()};
+    const bool repeats = point.uv_tiled || color.map_scale != Vec2f::Ones();
+    return {point.uv.cwiseProduct(color.map_scale), point.uv_width * color.map_scale.cwiseAbs().maxCoeff(),
+            color.map_wrap.value_or(repeats ? Wrap::repeat : Wrap::clamp)};
 }
 
 // The colour at a point without variation: gradient along the strand, times the image, then tinted.

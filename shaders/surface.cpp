@@ -19,9 +19,9 @@ std::vector<ParamSpec> surface_params() {
          "of the boundary: 0.03 polished, 1 matt"},
         {"specular", ParamType::number, "", "0.04", 0.0, 0.5, "",
          "reflectance of the coat at normal incidence: 0.02 water, 0.04 glass and plastic, 0 no coat"},
-        {"roughness_map", ParamType::image, "", "none", -any, any, "",
+        {"roughness_map", ParamType::image, "", "none", -any, any, "uv",
          "image whose first channel multiplies roughness"},
-        {"specular_map", ParamType::image, "", "none", -any, any, "",
+        {"specular_map", ParamType::image, "", "none", -any, any, "uv",
          "image whose first channel multiplies specular"},
     };
     for (ParamSpec& spec : strand_color_params()) params.push_back(std::move(spec));
@@ -44,16 +44,17 @@ SurfaceSettings read_surface(const ParamSet& params, const TextureOpener& open) 
 }
 
 CoatedBsdf surface_at(const SurfaceSettings& settings, const ShadingPoint& point) {
-    const auto [uv, width] = map_place(settings.color, point);
+    const auto [uv, width, wrap] = map_place(settings.color, point);
     Vec3f color = color_at(settings.color, point);
     color = color.cwiseProduct(variation_factor(settings.color, point, color));
     float roughness = settings.roughness;
-    if (settings.roughness_map) roughness *= settings.roughness_map->at(uv, width).x();
+    if (settings.roughness_map) roughness *= settings.roughness_map->at(uv, width, wrap).x();
     roughness = std::max(roughness, static_cast<float>(least_roughness));
     size_t level = 0;
     float share = 1.0F;
     if (settings.specular_map) {
-        level = static_cast<size_t>(std::lround(specular_levels * settings.specular_map->at(uv, width).x()));
+        level = static_cast<size_t>(
+            std::lround(specular_levels * settings.specular_map->at(uv, width, wrap).x()));
         share = static_cast<float>(level) / specular_levels;
     }
     return coated(point, point.normal, color, Vec3f::Zero(),

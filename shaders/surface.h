@@ -9,7 +9,7 @@
 //                                         and plastic, 0 no coat
 //   roughness_map  -     none             image whose first channel multiplies roughness
 //   specular_map   -     none             image whose first channel multiplies specular
-//   color_map, map_scale, root_color, tip_color, variation, tint, tint_color: as in diffuse
+//   color_map, map_scale, map_wrap, root_color, tip_color, variation, tint, tint_color: as in diffuse
 //
 //   [[material]]
 //   name = "stone"

@@ -11,12 +11,15 @@
 
 namespace marram {
 
+// What is beyond the unit square of uv: the pixels at its border, or the image again.
+enum class Wrap : unsigned char { clamp, repeat };
+
 class Texture {
   public:
     virtual ~Texture() = default;
-    // The mean over a square of side `width` (uv) around `uv`. The image repeats outside the unit square; v
-    // points up. Values are in [0, 1]; images with one channel give grey. Thread-safe.
-    virtual Vec3f at(const Vec2f& uv, float width) const = 0;
+    // The mean over a square of side `width` (uv) around `uv`; v points up. Values are in [0, 1]; images with one channel
+    // give grey. Thread-safe.
+    virtual Vec3f at(const Vec2f& uv, float width, Wrap wrap) const = 0;
 };
 
 enum class TextureContent { color, data }; // data: no colour space conversion

@@ -5,11 +5,13 @@
 #include "core/geometry/table_file.h"
 #include "core/image/data_image.h"
 #include "core/math/digest.h"
+#include "core/math/udim.h"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <limits>
 
 namespace marram {
 namespace {
@@ -23,6 +25,64 @@ void keep_channels(Image& image, int most) {
         std::copy_n(image.pixels.data() + i * from, to, image.pixels.data() + i * to);
     image.pixels.resize(pixels * to);
     image.channels = most;
+}
+
+// All tiles of an image as one: each unit square of uv from tile (u, v) on has as many pixels.
+struct Tiles {
+    Image image;
+    int u = 0, v = 0, columns = 1, rows = 1;
+};
+
+Tiles read_tiles(const ParamValue& value) {
+    constexpr double most_values = 1e9; // 4 GB
+    const std::vector<UdimTile> files = udim_tiles(value.text);
+    if (files.empty())
+        throw InputError(value.place, fmt::format("there is no tile of \"{}\"", value.text),
+                         "name tiles by 1001 + u + 10 v, or check the path");
+    std::vector<Image> images;
+    Tiles tiles;
+    tiles.u = tiles.v = std::numeric_limits<int>::max();
+    int width = 0, height = 0, channels = 0, last_u = 0, last_v = 0;
+    for (const UdimTile& file : files) {
+        const Image& image = images.emplace_back(read_image(file.file, ColorSpace::linear_data));
+        width = std::max(width, image.width);
+        height = std::max(height, image.height);
+        channels = std::max(channels, std::min(image.channels, 4));
+        tiles.u = std::min(tiles.u, file.u);
+        tiles.v = std::min(tiles.v, file.v);
+        last_u = std::max(last_u, file.u);
+        last_v = std::max(last_v, file.v);
+    }
+    tiles.columns = last_u - tiles.u + 1;
+    tiles.rows = last_v - tiles.v + 1;
+    if (double(width) * height * channels * tiles.columns * tiles.rows > most_values)
+        throw InputError(
+            value.place,
+            fmt::format("the tiles of \"{}\" cover {} x {} squares of {} x {} pixels, more than 4 GB",
+                        value.text, tiles.columns, tiles.rows, width, height),
+            "make them smaller, or number them without gaps");
+    Image& all = tiles.image;
+    all.width = width * tiles.columns;
+    all.height = height * tiles.rows;
+    all.channels = channels;
+    all.pixels.assign(size_t(all.width) * size_t(all.height) * size_t(channels),
+                      std::numeric_limits<float>::quiet_NaN());
+    for (size_t t = 0; t < files.size(); ++t) {
+        const Image& image = images[t];
+        const int x0 = (files[t].u - tiles.u) * width, y0 = (last_v - files[t].v) * height;
+        for (int y = 0; y < height; ++y)
+            for (int x = 0; x < width; ++x) {
+                const size_t from =
+                    (size_t(y) * size_t(image.height) / size_t(height)) * size_t(image.width) +
+                    size_t(x) * size_t(image.width) / size_t(width);
+                float* to = all.pixels.data() +
+                            (size_t(y0 + y) * size_t(all.width) + size_t(x0 + x)) * size_t(channels);
+                for (int c = 0; c < channels; ++c) // a grey tile among coloured ones
+                    to[c] =
+                        image.pixels[from * size_t(image.channels) + size_t(std::min(c, image.channels - 1))];
+            }
+    }
+    return tiles;
 }
 
 // The declaration of a list element's parameter such as "layer[2].height". nullptr if its type has none.
@@ -104,7 +164,12 @@ const MarramGrid* ContractValues::image(const ParamValue& value) {
     if (const auto known = image_grids_.find(value.text); known != image_grids_.end())
         return known->second; // each file is read once
     std::vector<std::string> notes;
-    Image& image = images_.emplace_back(read_data_image(value.text, notes));
+    Tiles tiles;
+    if (has_udim(value.text))
+        tiles = read_tiles(value);
+    else
+        tiles.image = read_data_image(value.text, notes);
+    Image& image = images_.emplace_back(std::move(tiles.image));
     for (const std::string& note : notes)
         warnings_.push_back(fmt::format("{}: \"{}\": {}", to_string(value.place), value.text, note));
     keep_channels(image, 4); // the most that a grid has
@@ -114,10 +179,10 @@ const MarramGrid* ContractValues::image(const ParamValue& value) {
     grid.ny = uint32_t(image.height);
     grid.nz = 1;
     grid.components = uint32_t(image.channels);
-    grid.origin[0] = 0.5 / image.width;
-    grid.origin[1] = 1.0 - 0.5 / image.height;
-    grid.axes[0][0] = 1.0 / image.width;
-    grid.axes[1][1] = -1.0 / image.height;
+    grid.axes[0][0] = double(tiles.columns) / image.width;
+    grid.axes[1][1] = -double(tiles.rows) / image.height;
+    grid.origin[0] = tiles.u + 0.5 * grid.axes[0][0];
+    grid.origin[1] = tiles.v + tiles.rows + 0.5 * grid.axes[1][1];
     grid.values = image.pixels.data();
     image_grids_[value.text] = &grid;
     return &grid;

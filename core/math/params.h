@@ -46,7 +46,7 @@ struct ParamSpec {
     std::string initial; // default as written in a scene file; "": must be given; "none": may be absent
     double minimum = -std::numeric_limits<double>::infinity(); // of every component, both ends allowed
     double maximum = std::numeric_limits<double>::infinity();
-    // "a|b|c" of a choice; the kind of a reference; "numbered": a file name that may have #### for the frame.
+    // "a|b|c" of a choice; kind of a reference; "numbered": a file with ####; "uv": an image with <UDIM>.
     std::string choices;
     std::string help;         // one line
     std::string sweep{};      // values that `marram measure` tries, as in a scene: "1|4|16"

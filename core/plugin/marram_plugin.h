@@ -102,7 +102,9 @@ typedef struct MarramGrid {
     const char* name;
     uint32_t nx, ny, nz; /* 1 or more */
     uint32_t components; /* 1 ... 4 */
-    double origin[3];    /* metres; of an image: (u, v, 0) of the center of the top left pixel */
+    /* Metres; of an image: (u, v, 0) of the center of the top left pixel. An image whose name contains <UDIM> covers all of its
+       tiles, each a unit square of uv with as many pixels; missing tiles are NaN. */
+    double origin[3];
     double axes[3][3];   /* from a sample to the next in x, y, z */
     const float* values;
 } MarramGrid;
@@ -186,7 +188,8 @@ typedef struct MarramParam {
     const char* unit;     /* "m", "deg", "m/s", "1/m", "frames"; "": no unit */
     const char* initial;  /* default, in TOML as in a scene file; "": must be given; "none": may be absent */
     double minimum, maximum; /* of every component, both ends allowed */
-    /* "a|b|c" of a choice; "each" of a MARRAM_MESH_NAME that may be a list: one instance for each; else "" */
+    /* "a|b|c" of a choice; "each" of a MARRAM_MESH_NAME that may be a list: one instance for each; "uv" of a MARRAM_IMAGE that may
+       be in UDIM tiles, "fur.<UDIM>.png"; else "" */
     const char* choices;
     const char* help; /* one line */
     /* Values that `marram measure` tries, as in a scene: "1|4|16", or "1..levels": all integers up to the parameter

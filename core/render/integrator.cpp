@@ -84,6 +84,8 @@ struct RenderContext {
     std::vector<const AttributeValues*> ids;             // [geometry ID] or nullptr: id of each strand
     std::vector<const AttributeValues*>
         root_uvs; // [geometry ID] or nullptr: surface uv at each strand's root
+    std::vector<char>
+        uv_tiled; // [geometry ID] true: uvs of a mesh, or at the roots of strands, outside the unit square
     std::vector<std::array<const AttributeValues*, 2>>
         ripples; // [mesh]: both ripple attributes, or nullptr twice
     std::vector<const AttributeValues*>
@@ -131,14 +133,24 @@ void find_attributes(RenderContext& context, const Film& film) {
             context.layer_attributes.push_back(
                 layer.kind == LayerKind::attribute ? find_attribute(attributes, layer.name) : nullptr);
     };
+    const auto add_tiled = [&](std::span<const float> uvs) {
+        constexpr float rounding = 1e-4F; // of exporters
+        context.uv_tiled.push_back(
+            std::ranges::any_of(uvs, [](float v) { return v < -rounding || v > 1.0F + rounding; }) ? 1 : 0);
+    };
     for (const MeshGeometry& mesh : context.world.meshes) {
         add(mesh.attributes, mesh.material);
+        add_tiled({mesh.uvs.empty() ? nullptr : mesh.uvs.front().data(), 2 * mesh.uvs.size()});
         context.ripples.push_back({find_attribute(mesh.attributes, ripple_attributes[0]),
                                    find_attribute(mesh.attributes, ripple_attributes[1])});
         for (const AttributeValues* attribute : context.ripples.back())
             if (!attribute || attribute->components != 4) context.ripples.back() = {};
     }
-    for (const CurveGeometry& curves : context.world.curves) add(curves.attributes, curves.material);
+    for (const CurveGeometry& curves : context.world.curves) {
+        add(curves.attributes, curves.material);
+        const AttributeValues* uvs = context.root_uvs.back();
+        add_tiled(uvs ? std::span<const float>(uvs->values) : std::span<const float>());
+    }
 }
 
 // The value of an attribute at a ray hit; unused components are 0.
@@ -226,6 +238,7 @@ ShadingPoint shading_point(const RenderContext& context, const Material& materia
     shading.normal = hit.normal;
     shading.tangent = hit.tangent;
     shading.uv = hit.uv;
+    shading.uv_tiled = context.uv_tiled[hit.geometry] != 0;
     shading.fibre = hit.shape != PointShape::triangle;
     shading.position = hit.position;
     shading.footprint = width;

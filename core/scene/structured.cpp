@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Values with parts: ramps, keyed transforms, points, paths.
 #include "core/math/frame_name.h"
+#include "core/math/udim.h"
 #include "core/scene/libraries.h"
 #include "core/scene/param_types.h"
 #include "core/scene/suggest.h"
@@ -211,6 +212,19 @@ bool read_path(const toml::node& node, const ParamSpec& spec, const std::string&
             value.text = path.string(); // one file per frame: checked when read
             return true;
         }
+        if (spec.choices == "uv" && has_udim(text->get()) && !udim_tiles(path.string()).empty()) {
+            value.text = path.string();
+            return true;
+        }
+        if (has_udim(text->get()))
+            return spec.choices == "uv"
+                       ? fail(fmt::format("{}: there is no tile of {}", label, shown),
+                              "name tiles by 1001 + u + 10 v, or check the path, it is relative to the scene "
+                              "file's folder")
+                       : fail(fmt::format(
+                                  "{}: {} is in tiles, but this image is not looked up by the uv of a mesh",
+                                  label, shown),
+                              "name one file");
         const std::string near = nearest_file(path);
         return fail(fmt::format("{}: there is no file {}", label, shown),
                     !near.empty() ? fmt::format("did you mean {}?", in_quotes(near))

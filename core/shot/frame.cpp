@@ -163,6 +163,7 @@ World build_frame(Frame& frame, KeptGeometry kept) {
     World world = build_world(frame.shot.geometry, settings, frame.cancel, frame.progress.build,
                               frame.stats.build, std::move(kept));
     check_root_uvs(frame.shot, world);
+    std::ranges::move(check_tiles(frame.shot, world), std::back_inserter(frame.stats.build.warnings));
     warn_far_target(frame);
     const auto [width, height] = film_size(frame.shot);
     frame.film = make_film(width, height, frame.layers, world);

@@ -1,9 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/shot/material_checks.h"
 
+#include "core/math/udim.h"
+
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
+#include <cmath>
+#include <optional>
+#include <set>
+#include <tuple>
 
 namespace marram {
 namespace {
@@ -156,6 +163,85 @@ void check_root_uvs(const Shot& shot, const World& world) {
         for (const size_t part : blended_materials(shot, size_t(procedural.material)))
             if (shot.materials[part].mapped) reject_image(shot.description.materials[part], item);
     }
+}
+
+namespace {
+
+using UvSquare = std::pair<int, int>;
+
+// The unit squares of uv that a geometry uses: by the centroids of triangles, by the roots of strands.
+std::set<UvSquare> uv_squares(const World& world, size_t geometry) {
+    std::set<UvSquare> squares;
+    const auto add = [&](const Vec2f& uv) {
+        if (uv.allFinite() && uv.cwiseAbs().maxCoeff() < 1e6F)
+            squares.emplace(int(std::floor(uv.x())), int(std::floor(uv.y())));
+    };
+    if (geometry < world.meshes.size()) {
+        const MeshGeometry& mesh = world.meshes[geometry];
+        if (mesh.uvs.empty()) return squares;
+        for (const auto& [a, b, c] : mesh.triangles) add((mesh.uvs[a] + mesh.uvs[b] + mesh.uvs[c]) / 3.0F);
+        return squares;
+    }
+    const AttributeValues* uvs =
+        find_attribute(world.curves[geometry - world.meshes.size()].attributes, "root_uv");
+    for (size_t i = 0; uvs && uvs->components == 2 && i + 1 < uvs->values.size(); i += 2)
+        add({uvs->values[i], uvs->values[i + 1]});
+    return squares;
+}
+
+std::string tile_name(const UvSquare& square) {
+    const auto& [u, v] = square;
+    return u >= 0 && u < 10 && v >= 0 ? fmt::format("{}", udim_number(u, v))
+                                      : fmt::format("uv ({}, {})", u, v);
+}
+
+// A line if an image lacks tiles that are used, or is a single tile that repeats over others; else "".
+std::string tile_warning(const Item& material, const ParamValue& image, const std::set<UvSquare>& squares,
+                         const std::string& geometry) {
+    const std::string begin = fmt::format("{}: \"{}\"", to_string(image.place), image.text);
+    if (!has_udim(image.text)) {
+        const std::string pattern = udim_pattern(image.text);
+        const bool alone = squares.empty() || (squares.size() == 1 && squares.contains({0, 0}));
+        if (pattern.empty() || alone || material.params.text("map_wrap") != "auto") return "";
+        return fmt::format("{} is named as one tile, and repeats over the other squares of the uv of '{}': "
+                           "write \"{}\" for all "
+                           "tiles, or map_wrap = \"repeat\"",
+                           begin, geometry, pattern);
+    }
+    std::set<UvSquare> there;
+    for (const UdimTile& tile : udim_tiles(image.text)) there.emplace(tile.u, tile.v);
+    std::vector<std::string> missing;
+    for (const UvSquare& square : squares)
+        if (!there.contains(square) && missing.size() < 10) missing.push_back(tile_name(square));
+    if (missing.empty()) return "";
+    return fmt::format("{} has no tile {}, which '{}' uses: it is black there: add the file, or move the uvs",
+                       begin, fmt::join(missing, ", "), geometry);
+}
+
+} // namespace
+
+std::vector<std::string> check_tiles(const Shot& shot, const World& world) {
+    std::vector<std::string> warnings;
+    for (size_t geometry = 0; geometry < world.meshes.size() + world.curves.size(); ++geometry) {
+        const bool is_mesh = geometry < world.meshes.size();
+        const auto& [name, index] =
+            is_mesh ? std::tie(world.meshes[geometry].name, world.meshes[geometry].material)
+                    : std::tie(world.curves[geometry - world.meshes.size()].name,
+                               world.curves[geometry - world.meshes.size()].material);
+        if (index < 0) continue;
+        std::optional<std::set<UvSquare>> squares;
+        for (const size_t part : blended_materials(shot, size_t(index)))
+            for (const char* map : {"color_map", "roughness_map", "specular_map"}) {
+                const Item& material = shot.description.materials[part];
+                const ParamValue* image = material.params.find(map);
+                if (!image || image->text.empty() || !material.params.has(map)) continue;
+                if (!squares) squares = uv_squares(world, geometry);
+                std::string warning = tile_warning(material, *image, *squares, name);
+                if (!warning.empty() && std::ranges::find(warnings, warning) == warnings.end())
+                    warnings.push_back(std::move(warning));
+            }
+    }
+    return warnings;
 }
 
 } // namespace marram

@@ -6,6 +6,7 @@
 #include "core/shot/texture.h"
 
 #include "core/geometry/geometry_graph.h"
+#include "core/math/udim.h"
 #include "core/scene/libraries.h"
 
 #include <fmt/format.h>
@@ -279,8 +280,9 @@ std::vector<std::string> files_read(const Shot& shot, const std::string& file) {
                               &description.lights, &description.procedurals})
         for (const Item& item : *items)
             for (const ParamValue& value : item.params.all())
-                if (value.spec->type == ParamType::file || value.spec->type == ParamType::image ||
-                    value.spec->type == ParamType::table)
+                if (value.spec->type == ParamType::image)
+                    add_image(value.text);
+                else if (value.spec->type == ParamType::file || value.spec->type == ParamType::table)
                     files.push_back(value.text);
     for (const ParamValue& value : description.wind.all())
         if (value.spec->type == ParamType::image || value.spec->type == ParamType::table)
@@ -293,3 +295,7 @@ std::vector<std::string> files_read(const Shot& shot, const std::string& file) {
 }
 
 } // namespace marram
+    const auto add_image = [&](const std::string& image) {
+        if (!has_udim(image)) files.push_back(image);
+        for (const UdimTile& tile : udim_tiles(image)) files.push_back(tile.file);
+    };

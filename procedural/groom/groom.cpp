@@ -137,22 +137,19 @@ void find_mesh(GroomInstance& instance) {
                          "name one of the scene's");
 }
 
-void check_uvs(GroomInstance& instance) {
-    for (const Masks* masks : {&instance.groom.density_masks, &instance.groom.length_masks})
-        if (masks->image && !instance.mesh->uvs)
-            throw SceneFault("groom.no_uvs", masks->image->place(),
-                             "the mesh '" + instance.groom.mesh + "' has no uvs for this image",
-                             "give it uvs, or use masks by height or slope");
-    if (instance.groom.comb_map && !instance.mesh->uvs)
-        throw SceneFault("groom.no_uvs", (*instance.groom.comb_map)[0].place(),
-                         "the mesh '" + instance.groom.mesh + "' has no uvs for comb_map",
-                         "give it uvs, or use comb");
-    for (const Factors* factors : factors_of(instance.groom))
-        for (const Factor& factor : *factors)
-            if (factor.image && !instance.mesh->uvs)
-                throw SceneFault("groom.no_uvs", factor.place,
-                                 "the mesh '" + instance.groom.mesh + "' has no uvs for this image",
-                                 "give it uvs, or name one of its attributes");
+// Images need uvs. Where the mesh has uvs outside the unit square, images repeat unless the groom says otherwise.
+void prepare_images(GroomInstance& instance) {
+    constexpr float rounding = 1e-4F; // of exporters
+    const std::vector<ScalarImage*> images = images_of(instance.groom);
+    if (images.empty()) return;
+    const MarramMesh& mesh = *instance.mesh;
+    if (!mesh.uvs)
+        throw SceneFault("groom.no_uvs", images[0]->place(),
+                         "the mesh '" + instance.groom.mesh + "' has no uvs for this image",
+                         "give it uvs, or use one of its attributes, height or slope");
+    const bool tiled = std::ranges::any_of(std::span(mesh.uvs, 2 * size_t(mesh.vertex_count)),
+                                           [](float v) { return v < -rounding || v > 1.0F + rounding; });
+    for (ScalarImage* image : images) image->set_repeats(instance.groom.images_repeat.value_or(tiled));
 }
 
 // Digest of a mesh's topology. If the host gives none, only the counts are compared.
@@ -288,6 +285,7 @@ MarramStatus place(GroomInstance& instance) {
     instance.placing_peak_bytes = placed.peak_bytes;
     if (cancelled()) return MARRAM_CANCELLED;
     warn_of_no_strands(instance);
+    warn_of_tiles(instance);
     if (const MarramStatus status = build_guides(instance, cancelled); status != MARRAM_OK) return status;
     instance.placed = true;
     instance.mesh_may_differ = false;
@@ -315,7 +313,7 @@ MarramStatus begin(MarramInstance* opaque, const MarramFrame* frame, MarramOutpu
         instance.workers.clear();
         instance.placing_seconds = 0.0;
         find_mesh(instance);
-        check_uvs(instance);
+        prepare_images(instance);
         resolve_attributes(instance.groom, instance.attributes);
         if (instance.placed && !instance.mesh_may_differ &&
             instance.placed_topology_digest != topology_digest(*instance.mesh))

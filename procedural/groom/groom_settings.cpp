@@ -28,11 +28,13 @@
 #include "procedural/groom/groom_settings.h"
 
 #include "core/math/digest.h"
+#include "core/math/udim.h"
 
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <map>
+#include <tuple>
 
 namespace marram {
 namespace {
@@ -44,17 +46,22 @@ constexpr std::array groom_values = {
                 "strands a square metre; this or count"},
     MarramParam{"count", MARRAM_INTEGER, "", "none", 1, 400000000, "",
                 "total number of strands, after masks; this or density"},
-    MarramParam{"density_mask", MARRAM_IMAGE, "", "none", -largest_coordinate, largest_coordinate, "",
+    MarramParam{"density_mask", MARRAM_IMAGE, "", "none", -largest_coordinate, largest_coordinate, "uv",
                 "scale of the density, by uv"},
     MarramParam{"density_by_height", MARRAM_RAMP, "m", "none", -largest_coordinate, largest_coordinate, "",
                 "scale of the density over y"},
     MarramParam{"density_by_slope", MARRAM_RAMP, "deg", "none", -largest_coordinate, largest_coordinate, "",
                 "scale of the density over slope (0: level)"},
+    MarramParam{"image_wrap", MARRAM_CHOICE, "", "auto", -largest_coordinate, largest_coordinate,
+                "auto|clamp|repeat",
+                "beyond the border of an image: its last pixels, or the image again; auto: repeat if the "
+                "mesh has uvs "
+                "outside 0 ... 1"},
     MarramParam{"spacing", MARRAM_NUMBER, "", "1", 0, 1, "",
                 "0: random roots; 1: as even as a Poisson disc set"},
     MarramParam{"length", MARRAM_RANGE, "m", "none", 0, largest_coordinate, "",
                 "shortest and longest strand; required unless the strands have guides (then guides.length)"},
-    MarramParam{"length_mask", MARRAM_IMAGE, "", "none", -largest_coordinate, largest_coordinate, "",
+    MarramParam{"length_mask", MARRAM_IMAGE, "", "none", -largest_coordinate, largest_coordinate, "uv",
                 "scale of the length, by uv"},
     MarramParam{"length_by_height", MARRAM_RAMP, "m", "none", -largest_coordinate, largest_coordinate, "",
                 "scale of the length over y"},
@@ -63,7 +70,7 @@ constexpr std::array groom_values = {
     MarramParam{"comb", MARRAM_VEC3, "", "none", -largest_coordinate, largest_coordinate, "",
                 "direction that strands lean to; absent: each strand has its own"},
     MarramParam{
-        "comb_map", MARRAM_IMAGE, "", "none", -largest_coordinate, largest_coordinate, "",
+        "comb_map", MARRAM_IMAGE, "", "none", -largest_coordinate, largest_coordinate, "uv",
         "the same by uv: red and green, 0 to 1, are -1 to 1 along u and v; grey (0.5) leaves it to comb"},
     MarramParam{"comb_variation", MARRAM_NUMBER, "deg", "20", 0, 180, "",
                 "largest_coordinate deviation from comb"},
@@ -149,7 +156,7 @@ const std::vector<MarramParam>& factor_params() {
             list.push_back({t[0].c_str(), MARRAM_TEXT, "", "none", -largest_coordinate, largest_coordinate,
                             "", t[3].c_str()});
             list.push_back({t[1].c_str(), MARRAM_IMAGE, "", "none", -largest_coordinate, largest_coordinate,
-                            "", t[4].c_str()});
+                            "uv", t[4].c_str()});
             list.push_back({t[2].c_str(), MARRAM_RAMP, "", "[[0, 0], [1, 1]]", -largest_coordinate,
                             largest_coordinate, "", t[5].c_str()});
         }
@@ -165,12 +172,12 @@ std::optional<Ramp> optional_ramp(const Values& values, std::string_view name) {
     return unit_ramp(values, name, groom_ramp_fault);
 }
 
-// Images of one create(), by pixel pointer and channel. The host passes equal images with one pointer.
-using ScalarImages = std::map<std::pair<const float*, uint32_t>, ScalarImage>;
+// Images of one create(), by pixel pointer, channel, and value of missing tiles. The host passes equal images with one pointer.
+using ScalarImages = std::map<std::tuple<const float*, uint32_t, float>, ScalarImage>;
 
-// The given channel of an image, or its last one if there are fewer.
+// The given channel of an image, or its last one if there are fewer. missing: value where an image in tiles has none.
 std::optional<ScalarImage> optional_image(const Values& values, std::string_view name, ScalarImages& images,
-                                          uint32_t channel = 0) {
+                                          uint32_t channel = 0, float missing = 0.0F) {
     const MarramValue* value = values.find(name);
     if (!value) return {};
     const MarramGrid* image = value->grid;
@@ -178,12 +185,9 @@ std::optional<ScalarImage> optional_image(const Values& values, std::string_view
         throw SceneFault("contract.no_image", value->place,
                          std::string(name) + ": the image was not handed over", "read it before create()");
     channel = std::min(channel, image->components - 1);
-    const std::pair key(image->values, channel);
+    const std::tuple key(image->values, channel, missing);
     if (const auto same = images.find(key); same != images.end()) return same->second.at_place(value->place);
-    std::vector<float> pixels(size_t(image->nx) * image->ny);
-    for (size_t i = 0; i < pixels.size(); ++i) pixels[i] = image->values[i * image->components + channel];
-    return images.emplace(key, ScalarImage(image->nx, image->ny, std::move(pixels), value->place))
-        .first->second;
+    return images.emplace(key, ScalarImage(*image, channel, missing, value->place)).first->second;
 }
 
 Factors read_factors(const Values& values, const std::string& list, ScalarImages& images) {
@@ -256,6 +260,8 @@ void read_roots(const Values& values, ScalarImages& images, Groom& groom) {
     if (density) groom.density = density->numbers[0];
     if (count) groom.count = static_cast<uint64_t>(count->numbers[0]);
     groom.count_place = (density ? density : count)->place;
+    if (const std::string_view wrap = values.text("image_wrap"); wrap != "auto")
+        groom.images_repeat = wrap == "repeat";
     groom.density_masks = read_masks(values, "density", images);
     groom.length_masks = read_masks(values, "length", images);
     groom.spacing = values.number("spacing");
@@ -270,6 +276,46 @@ ScalarImage::ScalarImage(uint32_t width, uint32_t height, std::vector<float> val
         std::make_shared<const Pixels>(Pixels{width, height, std::move(values), double(low), double(high)});
 }
 
+ScalarImage::ScalarImage(const MarramGrid& grid, uint32_t channel, float missing, std::string place)
+    : place_(std::move(place)) {
+    Pixels pixels{grid.nx, grid.ny, {}, 0.0, 0.0};
+    pixels.values.resize(size_t(grid.nx) * grid.ny);
+    for (size_t i = 0; i < pixels.values.size(); ++i)
+        pixels.values[i] = grid.values[i * grid.components + channel];
+    pixels.missing = double(missing);
+    pixels.file = grid.name ? grid.name : "";
+    if (has_udim(pixels.file)) {
+        const double width = grid.axes[0][0], height = -grid.axes[1][1]; // of a pixel
+        pixels.columns = std::max(std::lround(grid.nx * width), 1L);
+        pixels.rows = std::max(std::lround(grid.ny * height), 1L);
+        pixels.u = std::lround(grid.origin[0] - 0.5 * width);
+        pixels.v = std::lround(grid.origin[1] + 0.5 * height) - pixels.rows;
+        const size_t tile_width = grid.nx / size_t(pixels.columns),
+                     tile_height = grid.ny / size_t(pixels.rows);
+        for (int64_t row = 0; row < pixels.rows; ++row)
+            for (int64_t column = 0; column < pixels.columns; ++column)
+                pixels.has_tile.push_back(static_cast<char>(
+                    !std::isnan(pixels.values[size_t(pixels.rows - 1 - row) * tile_height * grid.nx +
+                                              size_t(column) * tile_width])));
+        for (float& value : pixels.values)
+            if (std::isnan(value)) value = missing;
+    }
+    const auto [low, high] = std::ranges::minmax(pixels.values);
+    pixels.low = double(low);
+    pixels.high = double(high);
+    if (!pixels.has_tile.empty()) { // beyond the tiles
+        pixels.low = std::min(pixels.low, pixels.missing);
+        pixels.high = std::max(pixels.high, pixels.missing);
+    }
+    pixels_ = std::make_shared<const Pixels>(std::move(pixels));
+}
+
+bool ScalarImage::has_tile(int64_t u, int64_t v) const {
+    const int64_t column = u - pixels_->u, row = v - pixels_->v;
+    return column >= 0 && row >= 0 && column < pixels_->columns && row < pixels_->rows &&
+           pixels_->has_tile[size_t(row * pixels_->columns + column)] != 0;
+}
+
 ScalarImage ScalarImage::at_place(std::string place) const {
     ScalarImage other = *this;
     other.place_ = std::move(place);
@@ -277,13 +323,40 @@ ScalarImage ScalarImage::at_place(std::string place) const {
 }
 
 double ScalarImage::operator()(double u, double v) const {
-    const auto& [width, height, values, low, high] = *pixels_;
-    const auto wrap = [](int64_t i, uint32_t n) { return uint32_t(((i % n) + n) % n); };
-    const double x = (u - std::floor(u)) * width - 0.5, y = (1.0 - (v - std::floor(v))) * height - 0.5;
+    const Pixels& p = *pixels_;
+    // The pixels that count, and the position among them: of the whole image, or of a tile.
+    int64_t x_begin = 0, y_begin = 0, width = p.width, height = p.height;
+    bool repeats = repeats_;
+    if (tiled()) {
+        constexpr double most = 1e6; // far beyond the last tile
+        const double column = std::clamp(std::floor(u), -most, most),
+                     row = std::clamp(std::floor(v), -most, most);
+        // A border between tiles belongs to the one that is there.
+        const bool left = column == u && !has_tile(int64_t(column), int64_t(row)) &&
+                          has_tile(int64_t(column) - 1, int64_t(row));
+        const bool below = row == v && !has_tile(int64_t(column), int64_t(row)) &&
+                           has_tile(int64_t(column), int64_t(row) - 1);
+        const int64_t i = int64_t(column) - (left ? 1 : 0), j = int64_t(row) - (below ? 1 : 0);
+        if (!has_tile(i, j)) return p.missing;
+        width /= p.columns;
+        height /= p.rows;
+        x_begin = (i - p.u) * width;
+        y_begin = (p.rows - 1 - (j - p.v)) * height;
+        u -= double(i);
+        v -= double(j);
+        repeats = false;
+    }
+    const auto within = [&](double at) { return repeats ? at - std::floor(at) : std::clamp(at, 0.0, 1.0); };
+    const auto wrap = [&](int64_t i, int64_t n) {
+        return repeats ? ((i % n) + n) % n : std::clamp(i, int64_t(0), n - 1);
+    };
+    const double x = within(u) * double(width) - 0.5, y = (1.0 - within(v)) * double(height) - 0.5;
     const double x0 = std::floor(x), y0 = std::floor(y), fx = x - x0, fy = y - y0;
-    const uint32_t i0 = wrap(int64_t(x0), width), i1 = wrap(int64_t(x0) + 1, width);
-    const uint32_t j0 = wrap(int64_t(y0), height), j1 = wrap(int64_t(y0) + 1, height);
-    const auto at = [&](uint32_t i, uint32_t j) { return double(values[size_t(j) * width + i]); };
+    const int64_t i0 = wrap(int64_t(x0), width), i1 = wrap(int64_t(x0) + 1, width);
+    const int64_t j0 = wrap(int64_t(y0), height), j1 = wrap(int64_t(y0) + 1, height);
+    const auto at = [&](int64_t i, int64_t j) {
+        return double(p.values[size_t(y_begin + j) * p.width + size_t(x_begin + i)]);
+    };
     const double top = at(i0, j0) + fx * (at(i1, j0) - at(i0, j0));
     const double bottom = at(i0, j1) + fx * (at(i1, j1) - at(i0, j1));
     return top + fy * (bottom - top);
@@ -318,6 +391,18 @@ double product(const Factors& factors, const Surface& bind, uint32_t triangle, c
 std::vector<Factors*> factors_of(Groom& groom) {
     std::vector<Factors*> all = {&groom.density_masks.factors, &groom.length_masks.factors};
     for (Factors& factors : groom.factors) all.push_back(&factors);
+    return all;
+}
+
+std::vector<ScalarImage*> images_of(Groom& groom) {
+    std::vector<ScalarImage*> all;
+    for (Masks* masks : {&groom.density_masks, &groom.length_masks})
+        if (masks->image) all.push_back(&*masks->image);
+    if (groom.comb_map)
+        for (ScalarImage& image : *groom.comb_map) all.push_back(&image);
+    for (Factors* factors : factors_of(groom))
+        for (Factor& factor : *factors)
+            if (factor.image) all.push_back(&*factor.image);
     return all;
 }
 
@@ -419,8 +504,8 @@ Groom read_groom(const Values& values) {
         groom.comb = comb.stableNormalized();
     }
     if (values.has("comb_map"))
-        groom.comb_map = {*optional_image(values, "comb_map", images, 0),
-                          *optional_image(values, "comb_map", images, 1)};
+        groom.comb_map = {*optional_image(values, "comb_map", images, 0, 0.5F),
+                          *optional_image(values, "comb_map", images, 1, 0.5F)};
     groom.comb_variation = radians(values, "comb_variation");
     groom.lean = radians(values, "lean");
     groom.lean_variation = radians(values, "lean_variation");

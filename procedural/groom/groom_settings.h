@@ -24,12 +24,21 @@ class ScalarImage {
   public:
     // values: rows from the top, width * height.
     ScalarImage(uint32_t width, uint32_t height, std::vector<float> values, std::string place = "");
+    // A channel of an image of the host. missing: value of tiles that are missing.
+    ScalarImage(const MarramGrid& grid, uint32_t channel, float missing, std::string place);
     ScalarImage at_place(std::string place) const; // the same image, referenced at another place of the scene
 
-    // Bilinear, repeating; v = 0 is the image's bottom edge.
+    // Beyond the unit square of uv: the image again, or the pixels at its border.
+    void set_repeats(bool repeats) { repeats_ = repeats; }
+
+    // Bilinear; v = 0 is the image's bottom edge.
     double operator()(double u, double v) const;
     double low() const { return pixels_->low; } // over the whole image
     double high() const { return pixels_->high; }
+    const std::string& file() const { return pixels_->file; }
+    // Of an image in UDIM tiles: whether it has one there.
+    bool tiled() const { return !pixels_->has_tile.empty(); }
+    bool has_tile(int64_t u, int64_t v) const;
     const std::string& place() const { return place_; } // in the scene file
 
   private:
@@ -37,9 +46,14 @@ class ScalarImage {
         uint32_t width, height;
         std::vector<float> values;
         double low, high;
+        double missing = 0.0; // value where a tile is missing
+        std::string file{};
+        int64_t u = 0, v = 0, columns = 1, rows = 1; // tiles: the lowest, and their number
+        std::vector<char> has_tile{};                // [row from below * columns + column]; empty: one image
     };
     std::shared_ptr<const Pixels> pixels_;
     std::string place_;
+    bool repeats_ = false;
 };
 
 // A factor in [0, 1]: a ramp over an attribute of the mesh, or over an image by uv.
@@ -86,6 +100,7 @@ struct Groom {
     double density = 0.0; // roots per square metre; 0 if count is given
     uint64_t count = 0;   // total number of roots; 0 if density is given
     std::string count_place;
+    std::optional<bool> images_repeat; // none: if the mesh has uvs outside the unit square
     Masks density_masks, length_masks;
     double spacing = 1.0; // 0: random; 1: as even as a Poisson disc set
 
@@ -120,6 +135,9 @@ uint64_t roots_digest(const Values& values);
 
 // All lists of factors of the groom, including those of density and length.
 std::vector<Factors*> factors_of(Groom& groom);
+
+// All images of the groom, each with the place of the parameter that names it.
+std::vector<ScalarImage*> images_of(Groom& groom);
 
 // Sets Factor::index of the factors that use an attribute of the mesh. Throws SceneFault if an attribute is
 // missing, does not have one component, or is animated.

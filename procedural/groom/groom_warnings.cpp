@@ -1,10 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "procedural/groom/groom_warnings.h"
 
+#include "core/math/problem.h"
+#include "core/math/udim.h"
+
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>
+#include <set>
 
 namespace marram {
 namespace {
@@ -51,6 +55,46 @@ void warn_of_ignored(const MarramHost& host, const Values& given, const Groom& g
         if (factor.ignored && !groom.factors[factor.of].empty())
             warn(groom.factors[factor.of][0].place,
                  std::string(factor.name) + " changes nothing: " + factor.because, "leave it out");
+}
+
+// Tiles that the mesh uses and an image lacks; a single tile that repeats over others.
+void warn_of_tiles(GroomInstance& instance) {
+    const std::vector<ScalarImage*> images = images_of(instance.groom);
+    if (images.empty()) return;
+    const Surface mesh = instance.poses(0).bind;
+    std::set<std::pair<int64_t, int64_t>> squares; // of uv, by the triangles' centroids
+    for (uint32_t t = 0; t < mesh.triangle_count; ++t) {
+        const Vec2d uv = mesh.uv(t, Vec3d::Constant(1.0 / 3.0));
+        if (uv.allFinite() && uv.cwiseAbs().maxCoeff() < 1e6)
+            squares.emplace(int64_t(std::floor(uv.x())), int64_t(std::floor(uv.y())));
+    }
+    const bool repeats =
+        instance.groom.images_repeat.value_or(squares.size() > 1 || !squares.contains({0, 0}));
+    std::set<std::string> reported; // a file once, whatever its channels
+    for (const ScalarImage* image : images) {
+        const auto warn = [&](const std::string& what, const std::string& remedy) {
+            if (reported.insert(image->file()).second)
+                send(instance.host, MARRAM_WARNING, "groom.tiles", image->place(), what, remedy);
+        };
+        const std::string pattern = udim_pattern(image->file());
+        if (!image->tiled() && !pattern.empty() && repeats && !instance.groom.images_repeat)
+            warn("\"" + image->file() +
+                     "\" is named as one tile, and repeats over the other squares of the uv of '" +
+                     instance.groom.mesh + "'",
+                 "write \"" + pattern + "\" for all tiles, or image_wrap = \"repeat\"");
+        if (!image->tiled()) continue;
+        std::string missing;
+        for (const auto& [u, v] : squares)
+            if (!image->has_tile(u, v))
+                missing +=
+                    fmt::format("{}{}", missing.empty() ? "" : ", ",
+                                u >= 0 && u < 10 && v >= 0 ? std::to_string(udim_number(int(u), int(v)))
+                                                           : fmt::format("uv ({}, {})", u, v));
+        if (!missing.empty())
+            warn("\"" + image->file() + "\" has no tile " + shortened(missing, 100) + ", where '" +
+                     instance.groom.mesh + "' has triangles: it is 0 there",
+                 "add the files, or move the uvs");
+    }
 }
 
 void warn_of_no_strands(const GroomInstance& instance) {

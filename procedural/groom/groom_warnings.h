@@ -18,6 +18,7 @@ void warn_of_ignored(const MarramHost& host, const Values& given, const Groom& g
 
 // After the roots are placed: no strands; guides that are far from the mesh.
 void warn_of_no_strands(const GroomInstance& instance);
+void warn_of_tiles(GroomInstance& instance); // images in UDIM tiles
 void warn_of_guides(const GroomInstance& instance, const Binding& binding);
 
 // Before a frame is computed: rounding far from the origin, lengths in the wrong unit, long computations.

@@ -37,14 +37,15 @@ class TiledTexture final : public TextureFile {
           handle_(texture_system().get_texture_handle(OIIO::ustring(file))) {}
     bool good() const { return handle_ && texture_system().good(handle_); }
 
-    Vec3f at(const Vec2f& uv, float width) const override {
+    Vec3f at(const Vec2f& uv, float width, bool repeat) const override {
         OIIO::TextureOpt options;
-        options.swrap = options.twrap = OIIO::TextureOpt::WrapPeriodic;
+        options.swrap = options.twrap = repeat ? OIIO::TextureOpt::WrapPeriodic : OIIO::TextureOpt::WrapClamp;
         options.mipmode = OIIO::TextureOpt::MipModeTrilinear;
         options.interpmode = OIIO::TextureOpt::InterpBilinear;
         float value[3] = {0.0F, 0.0F, 0.0F};
-        // Wrapped to 0 ... 1 here, for precision; rows run down from the top in files.
-        const float s = uv.x() - std::floor(uv.x()), t = 1.0F - (uv.y() - std::floor(uv.y()));
+        // Brought to 0 ... 1 here, for precision; rows run down from the top in files.
+        const auto within = [&](float v) { return repeat ? v - std::floor(v) : std::clamp(v, 0.0F, 1.0F); };
+        const float s = within(uv.x()), t = 1.0F - within(uv.y());
         const float w = std::clamp(width, 0.0F, 1.0F);
         if (!texture_system().texture(handle_, texture_system().get_perthread_info(), options, s, t, w, 0.0F,
                                       0.0F, w, channels_, value))

@@ -277,8 +277,8 @@ void expect_page(const std::string& file, std::span<const ParamSpec> params,
 }
 
 TEST(House, PagesListTheParametersThatAreDeclared) {
-    const std::set<std::string> of_strands = {"color_map", "map_scale", "root_color", "tip_color",
-                                              "variation", "tint",      "tint_color"};
+    const std::set<std::string> of_strands = {"color_map", "map_scale", "map_wrap", "root_color",
+                                              "tip_color", "variation", "tint",     "tint_color"};
     for (const ShaderDescription& shader : shaders())
         expect_page("shaders/" + shader.name + ".h", shader.params,
                     shader.name == "diffuse" ? std::set<std::string>() : of_strands);

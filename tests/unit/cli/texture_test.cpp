@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Images on surfaces: their averages, their orientation, and what is refused.
 #include "core/shot/texture.h"
+
+#include "core/math/udim.h"
 #include "tests/unit/cli/program.h"
 
 namespace marram::testing {
@@ -40,19 +42,85 @@ TEST(Texture, FromAfarIsTheMeanOfItsLight) {
     const Folder folder;
     const auto texture = open_texture(checkerboard(folder, 1), TextureContent::color, {});
     for (const float width : {0.1F, 0.5F, 1.0F, 30.0F})
-        EXPECT_NEAR(texture->at({0.3F, 0.6F}, width).x(), 0.5, 2e-3) << width;
+        EXPECT_NEAR(texture->at({0.3F, 0.6F}, width, Wrap::repeat).x(), 0.5, 2e-3) << width;
     const auto near = open_texture(checkerboard(folder, 64), TextureContent::color, {});
-    EXPECT_NEAR(near->at({0.125F, 0.875F}, 0.0F).x(), 0.0, 1e-3); // the top left square
-    EXPECT_NEAR(near->at({0.375F, 0.875F}, 0.0F).x(), 1.0, 1e-3);
-    EXPECT_NEAR(near->at({1.375F, -7.125F}, 0.0F).x(), 1.0, 1e-3); // the image repeats
+    EXPECT_NEAR(near->at({0.125F, 0.875F}, 0.0F, Wrap::repeat).x(), 0.0, 1e-3); // the top left square
+    EXPECT_NEAR(near->at({0.375F, 0.875F}, 0.0F, Wrap::repeat).x(), 1.0, 1e-3);
+    EXPECT_NEAR(near->at({1.375F, -7.125F}, 0.0F, Wrap::repeat).x(), 1.0, 1e-3); // the image repeats
+    // At the border, half a pixel inside: clamped, the far side has no share. Beyond, the pixel at the border stays.
+    for (const auto& [u, v] : {std::pair(0.0005F, 0.875F), {0.125F, 0.9995F}, {-3.0F, 0.875F}}) {
+        EXPECT_NEAR(near->at({u, v}, 0.0F, Wrap::clamp).x(), 0.0, 1e-3);
+        if (u > 0.0F) EXPECT_GT(near->at({u, v}, 0.0F, Wrap::repeat).x(), 0.2);
+    }
+}
+
+// Each square of uv has its own file, which ends at its border; a square without a file is black.
+TEST(Texture, TilesCoverTheirSquares) {
+    const Folder folder;
+    const auto write = [&](const char* name, float value) {
+        const std::vector<float> pixels(size_t(8 * 8 * 3), linear_from_srgb(value));
+        write_png(folder / name, 8, 8, 3, pixels.data(), 0.0);
+    };
+    write("t.1001.png", 0.25F);
+    write("t.1002.png", 0.5F);
+    write("t.1012.png", 0.75F); // u 1, v 1
+    write("t.1000.png", 1.0F);  // no tile
+    const auto texture = open_texture(folder / "t.<UDIM>.png", TextureContent::data, {});
+    const auto at = [&](float u, float v) { return texture->at({u, v}, 0.0F, Wrap::repeat).x(); };
+    EXPECT_NEAR(at(0.999F, 0.5F), 0.25F, 3e-3F);
+    EXPECT_NEAR(at(1.001F, 0.5F), 0.5F, 3e-3F);
+    EXPECT_NEAR(at(2.0F, 0.5F), 0.5F, 3e-3F) << "its border";
+    EXPECT_NEAR(at(1.5F, 1.001F), 0.75F, 3e-3F);
+    EXPECT_EQ(at(0.5F, 1.5F), 0.0F);
+    EXPECT_EQ(at(-0.5F, 0.5F), 0.0F);
+    EXPECT_THROW(open_texture(folder / "u.<UDIM>.png", TextureContent::data, {}), InputError);
+    EXPECT_EQ(udim_pattern("a.1002/fur_1011.png"), "a.1002/fur_<UDIM>.png");
+    EXPECT_EQ(udim_pattern("a.1002/fur_0999.png"), "");
+    EXPECT_EQ(udim_pattern("fur1001.png"), "");
+}
+
+// A groom and a material with images in tiles, on a mesh with uvs in two squares.
+TEST(Texture, TilesOfGroomsAndWarnings) {
+    const Folder folder;
+    const std::vector<float> white(size_t(4 * 4 * 3), 1.0F), black(size_t(4 * 4 * 3), 0.0F);
+    write_png(folder / "fur.1001.png", 4, 4, 3, black.data(), 0.0);
+    write_png(folder / "fur.1002.png", 4, 4, 3, white.data(), 0.0);
+    folder.write("two.obj",
+                 "v -1 0 1\nv 0 0 1\nv 0 0 0\nv -1 0 0\nv 1 0 1\nv 1 0 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n"
+                 "vt 2 0\nvt 2 1\nf 1/1 2/2 3/3 4/4\nf 2/2 5/5 6/6 3/3\n");
+    const auto bake = [&](const std::string& mask, const std::string& map) {
+        const std::string scene = folder.write(
+            "a.toml",
+            "[camera]\nposition = [0, 2, 2]\ntarget = [0, 0, 0]\n[film]\nsize = [8, 8]\nsamples = 1\n"
+            "[[light]]\ntype = \"sky\"\n[[material]]\nname = \"m\"\ntype = \"hair\"\ncolor_map = \"" +
+                map +
+                "\"\n[[mesh]]\nname = \"b\"\ntype = \"file\"\nfile = \"two.obj\"\n[[procedural]]\nname = "
+                "\"g\"\ntype = \"groom\"\non = \"b\"\nmaterial = \"m\"\ncount = 100\ncvs = 4\nlength = "
+                "0.01\nwidth = 0.001\ndensity_by = [{ image = \"" +
+                mask + "\" }]\n");
+        return marram({"render", scene, "-o", folder / "a.exr", "--quiet"}, run_copy);
+    };
+    EXPECT_DONE(bake("fur.<UDIM>.png", "fur.<UDIM>.png"));
+    const ProgramResult single = bake("fur.1002.png", "fur.1002.png");
+    EXPECT_EQ(lines(single.err).size(), 2U) << single.err;
+    EXPECT_CONTAINS(single.err, "is named as one tile, and repeats over the other squares of the uv of 'b'");
+    EXPECT_CONTAINS(single.err, "write \"fur.<UDIM>.png\"");
+    fs::remove(folder / "fur.1001.png");
+    const ProgramResult less = bake("fur.<UDIM>.png", "fur.<UDIM>.png");
+    EXPECT_EQ(less.code, 0);
+    EXPECT_CONTAINS(less.err, "has no tile 1001, where 'b' has triangles");
+    fs::remove(folder / "fur.1002.png");
+    const ProgramResult gone = bake("fur.<UDIM>.png", "fur.<UDIM>.png");
+    EXPECT_EQ(gone.code, 2);
+    EXPECT_CONTAINS(gone.err, "there is no tile of \"fur.<UDIM>.png\"");
 }
 
 TEST(Texture, StandsUprightAndKeepsItsValues) {
     const Folder folder;
     const auto texture = open_texture(fields(folder), TextureContent::color, {});
-    EXPECT_LT((texture->at({0.25F, 0.25F}, 0.0F) - Vec3f(0.1F, 0.7F, 0.25F)).norm(), 1e-3F);
-    EXPECT_LT((texture->at({0.75F, 0.25F}, 0.0F) - Vec3f(0.5F, 0.7F, 0.25F)).norm(), 1e-3F);
-    EXPECT_LT((texture->at({0.25F, 0.75F}, 0.0F) - Vec3f(0.1F, 0.2F, 0.25F)).norm(), 1e-3F);
+    EXPECT_LT((texture->at({0.25F, 0.25F}, 0.0F, Wrap::repeat) - Vec3f(0.1F, 0.7F, 0.25F)).norm(), 1e-3F);
+    EXPECT_LT((texture->at({0.75F, 0.25F}, 0.0F, Wrap::repeat) - Vec3f(0.5F, 0.7F, 0.25F)).norm(), 1e-3F);
+    EXPECT_LT((texture->at({0.25F, 0.75F}, 0.0F, Wrap::repeat) - Vec3f(0.1F, 0.2F, 0.25F)).norm(), 1e-3F);
 }
 
 TEST(Texture, DataIsNotTakenForColor) {
@@ -60,8 +128,10 @@ TEST(Texture, DataIsNotTakenForColor) {
     std::vector<float> grey(64 * 64 * 3, linear_from_srgb(0.5F)); // written as half of the full scale
     const std::string path = folder / "rough.png";
     write_png(path, 64, 64, 3, grey.data(), 0.0);
-    EXPECT_NEAR(open_texture(path, TextureContent::data, {})->at({0.5F, 0.5F}, 0.0F).x(), 0.5, 3e-3);
-    EXPECT_NEAR(open_texture(path, TextureContent::color, {})->at({0.5F, 0.5F}, 0.0F).x(), 0.214, 3e-3);
+    EXPECT_NEAR(open_texture(path, TextureContent::data, {})->at({0.5F, 0.5F}, 0.0F, Wrap::repeat).x(), 0.5,
+                3e-3);
+    EXPECT_NEAR(open_texture(path, TextureContent::color, {})->at({0.5F, 0.5F}, 0.0F, Wrap::repeat).x(),
+                0.214, 3e-3);
 }
 
 TEST(Texture, PaintsAPictureAndFaultsHaveALine) {

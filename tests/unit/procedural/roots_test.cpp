@@ -4,6 +4,7 @@
 #include "tests/unit/procedural/test_surfaces.h"
 
 #include <gtest/gtest.h>
+#include <limits>
 #include <tbb/global_control.h>
 #include <tbb/task_arena.h>
 
@@ -147,6 +148,58 @@ TEST(Roots, half_a_mask_is_half_the_strands) {
         EXPECT_NEAR(double(place_roots(groom, plane.surface(), never).roots.size()) / 30'000, double(share),
                     0.02);
     }
+}
+
+// A quadrant of 8 x 8 pixels is white. Bilinear filtering spreads it by a pixel, but not to the opposite edges, unless it repeats.
+TEST(Roots, an_image_ends_at_its_border) {
+    const TestSurface plane = grid_surface(20, 2.0);
+    std::vector<float> quadrant(64, 0.0F);
+    for (size_t y = 0; y < 4; ++y)
+        std::fill_n(quadrant.begin() + std::ptrdiff_t(8 * y), 4, 1.0F); // at u 0 ... 0.5, v 0.5 ... 1
+    for (const bool repeats : {false, true}) {
+        Groom groom;
+        groom.density = 2000.0;
+        groom.density_masks.image = ScalarImage{8, 8, quadrant};
+        groom.density_masks.image->set_repeats(repeats);
+        size_t beyond = 0;
+        const std::vector<Root> roots = place_roots(groom, plane.surface(), never).roots;
+        for (const Vec3d& p : places(groom, plane.surface(), roots)) beyond += p.x() > 1.2 || p.z() < 0.8;
+        EXPECT_GT(roots.size(), 1500U);
+        if (repeats)
+            EXPECT_GT(double(beyond), 0.02 * double(roots.size()));
+        else
+            EXPECT_EQ(beyond, 0U);
+    }
+}
+
+// Tiles 1001 and 1013 of 2 x 2 pixels, 1 at left and 2 at right; 1002, 1003, 1011 and 1012 are missing.
+TEST(Roots, an_image_in_tiles_ends_at_their_borders) {
+    constexpr float none = std::numeric_limits<float>::quiet_NaN();
+    const float pixels[] = {none, none, none, none, 1,    2,    none, none, none, none, 1,    2, // v 1 ... 2
+                            1,    2,    none, none, none, none, 1,    2,    none, none, none, none};
+    MarramGrid grid{};
+    grid.name = "mask.<UDIM>.png";
+    grid.nx = 6;
+    grid.ny = 4;
+    grid.nz = grid.components = 1;
+    grid.values = pixels;
+    grid.axes[0][0] = 0.5;
+    grid.axes[1][1] = -0.5;
+    grid.origin[0] = 0.25;
+    grid.origin[1] = 1.75;
+    const ScalarImage image(grid, 0, 0.0F, "");
+    EXPECT_TRUE(image.has_tile(0, 0) && image.has_tile(2, 1));
+    EXPECT_FALSE(image.has_tile(1, 0) || image.has_tile(2, 0) || image.has_tile(3, 1) ||
+                 image.has_tile(-1, 0));
+    EXPECT_EQ(image(0.01, 0.5), 1.0);
+    EXPECT_EQ(image(0.99, 0.99), 2.0);
+    EXPECT_EQ(image(0.5, 0.5), 1.5);
+    EXPECT_EQ(image(1.0, 0.5), 2.0) << "the border of the tile that is there";
+    EXPECT_EQ(image(1.01, 0.5), 0.0);
+    EXPECT_EQ(image(2.01, 1.5), 1.0);
+    EXPECT_EQ(image(-0.01, 0.5), 0.0);
+    EXPECT_EQ(image.low(), 0.0);
+    EXPECT_EQ(image.high(), 2.0);
 }
 
 // A factor that is 0 over its whole image is rejected at once: searching for places would take a minute per

@@ -291,7 +291,7 @@ void attach(Build& build, CurveBuild& item, unsigned id, bool allow_round_pieces
     else
         put_indices(build, traced.get(), output.curve_count, output.cvs_per_curve - 1,
                     output.cvs_per_curve + 2);
-    rtcSetGeometryMask(traced.get(), MARRAM_CASTS_SHADOWS | MARRAM_SEEN_BY_CAMERA);
+    rtcSetGeometryMask(traced.get(), MARRAM_CASTS_SHADOWS | MARRAM_SEEN_BY_CAMERA | darkens_catchers);
     rtcCommitGeometry(traced.get());
     rtcAttachGeometryByID(build.world.scene.get(), traced.get(), id);
 }

@@ -37,6 +37,7 @@ MeshGeometry place_mesh(const SceneMesh& source, const std::vector<double>& time
                 throw InputError({source.name}, "the mesh's transform moves it beyond 1e18 m",
                                  "use smaller translations and scales");
     mesh.roles = source.roles;
+    mesh.shadow_catcher = source.shadow_catcher;
     return mesh;
 }
 
@@ -330,7 +331,8 @@ RTCGeometry mesh_geometry(Build& build, uint32_t id) {
     for (size_t t = 0; t < mesh.positions.size(); ++t)
         rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, unsigned(t), RTC_FORMAT_FLOAT3,
                                    mesh.positions[t].data(), 0, sizeof(Vec3f), mesh.positions[t].size());
-    rtcSetGeometryMask(geometry, mesh.roles | MARRAM_NAMED);
+    const bool darkens = (mesh.roles & MARRAM_CASTS_SHADOWS) != 0 && !mesh.shadow_catcher;
+    rtcSetGeometryMask(geometry, mesh.roles | MARRAM_NAMED | (darkens ? darkens_catchers : 0U));
     rtcCommitGeometry(geometry);
     return geometry;
 }

@@ -123,7 +123,12 @@ uint32_t role_bits(const ParamSet& params) {
 
 uint64_t SceneMesh::digest() const {
     Digest digest;
-    if (instance_of) return digest.add(instance_of->digest()).add(transform.digest()).add(roles).value();
+    if (instance_of)
+        return digest.add(instance_of->digest())
+            .add(transform.digest())
+            .add(roles)
+            .add(shadow_catcher)
+            .value();
     digest.add(bytes_of(mesh.positions))
         .add(bytes_of(mesh.normals))
         .add(bytes_of(mesh.uvs))
@@ -133,7 +138,7 @@ uint64_t SceneMesh::digest() const {
         digest.add(std::bit_cast<uint64_t>(shape.frame))
             .add(bytes_of(shape.positions))
             .add(bytes_of(shape.normals));
-    return digest.add(roles).value();
+    return digest.add(roles).add(shadow_catcher).value();
 }
 
 void add_instances(std::vector<SceneMesh>& meshes, std::span<const Item> items) {
@@ -152,6 +157,7 @@ void add_instances(std::vector<SceneMesh>& meshes, std::span<const Item> items) 
                                KeyedTransform(keys.numbers, keys.text),
                                meshes[m].material};
             instance.roles = meshes[m].roles;
+            instance.shadow_catcher = meshes[m].shadow_catcher;
             instance.instance_of = &meshes[m];
             const Place& place = keys.given ? keys.place : items[m].place;
             for (const Item& item : items)

@@ -33,6 +33,7 @@ struct SceneMesh {
     // Vertices are linear between them, and constant before the first and after the last.
     std::vector<MeshShape> shapes{};
     uint32_t roles = MARRAM_ALL_ROLES;
+    bool shadow_catcher = false;
 
     // The mesh that this one is an instance of. `transform` is applied after that mesh's own transform to
     // world space. Mesh and shapes are the other's.

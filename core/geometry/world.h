@@ -17,6 +17,9 @@
 
 namespace marram {
 
+// A bit of Embree masks, beside those of MarramRole: casts shadows on shadow catchers. These do not on each other.
+inline constexpr uint32_t darkens_catchers = 1U << 16;
+
 // A mesh at the motion samples of the frame, in world space. Its geometry ID is its index in World::meshes.
 struct MeshGeometry {
     std::string name;
@@ -30,7 +33,8 @@ struct MeshGeometry {
     std::vector<AttributeValues> attributes{}; // per vertex or per face
     std::vector<GridValues> grids{};
     uint32_t roles = MARRAM_ALL_ROLES;
-    uint64_t topology = 0; // digest of its triangles
+    bool shadow_catcher = false; // the camera sees only the shadows on it
+    uint64_t topology = 0;       // digest of its triangles
     uint64_t digest = 0;   // same geometry ID and digest in two frames: the same mesh; 0: unknown
 };
 

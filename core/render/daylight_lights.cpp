@@ -62,7 +62,8 @@ std::vector<ParamSpec> daylight_params() {
             {"altitude", number, "m", "100", 0, 50000, "", "of the scene above the sea"},
             {"ground_albedo", number, "", "0.2", 0, 1, "", "share of light that the land around reflects"},
             {"strength", number, "", "1", 0, brightest_light, "",
-             "factor on everything; at 1 the sun above the air gives 5 W/m^2"}};
+             "factor on everything; at 1 the sun above the air gives 5 W/m^2"},
+            seen_by_camera_param()};
 }
 
 DaylightLights make_daylight(const ParamSet& params) {
@@ -75,6 +76,8 @@ DaylightLights make_daylight(const ParamSet& params) {
     settings.ground_albedo = params.number("ground_albedo");
     DaylightLights lights = daylight_lights(settings, float(params.number("strength")));
     if (!params.boolean("sun")) lights.sun.reset();
+    lights.sky.visible = params.boolean("seen_by_camera");
+    if (lights.sun) lights.sun->visible = lights.sky.visible;
     return lights;
 }
 

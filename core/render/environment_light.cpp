@@ -136,7 +136,8 @@ std::vector<ParamSpec> environment_params() {
     constexpr double any = std::numeric_limits<double>::infinity();
     return {{"file", image, "", "", -any, any, "", "the image, twice as wide as high, up is up"},
             {"strength", number, "", "1", 0, brightest_light, "", "factor on the image"},
-            {"rotation", number, "deg", "0", -36000, 36000, "", "turn about y"}};
+            {"rotation", number, "deg", "0", -36000, 36000, "", "turn about y"},
+            seen_by_camera_param()};
 }
 
 EnvironmentLight make_environment(const ParamSet& params, const LightImageReader& read) {
@@ -144,6 +145,7 @@ EnvironmentLight make_environment(const ParamSet& params, const LightImageReader
     light.image = read(params.at("file"), params.number("strength"));
     light.rotation = params.number("rotation") * degree;
     light.strength = float(params.number("strength"));
+    light.visible = params.boolean("seen_by_camera");
     return light;
 }
 

@@ -6,6 +6,7 @@
 //                                                  row is +y; the middle column is -z, with +x to its right
 //   strength     -             1                   factor on the image, whose values are W/(m^2 sr)
 //   rotation     deg           0                   about y, from -z towards -x
+//   seen_by_camera  -          true                false: it lights the scene, but the camera does not see it
 //
 //   [[light]]
 //   name = "studio"

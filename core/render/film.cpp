@@ -137,17 +137,24 @@ double clamped_fraction(const Film& film) {
 
 void resolve(Film& film) {
     const size_t pixel_count = static_cast<size_t>(film.width) * film.height;
+    const auto shadow_alpha = [&](size_t i) { // alpha sum of the samples on shadow catchers
+        const FilmPixel& pixel = film.pixel_states[i];
+        return pixel.catcher_full_sum > 0.0
+                   ? pixel.catcher_samples * (1.0 - pixel.catcher_lit_sum / pixel.catcher_full_sum)
+                   : 0.0;
+    };
     for (FilmLayer& layer : film.layers) {
         layer.values.resize(pixel_count * layer.channels);
         for (size_t pixel = 0; pixel < pixel_count; ++pixel) {
             const double* sums = film.sums.data() + pixel * film.stride + layer.sums_offset;
             const double count = sums[layer.sum_count];
             for (uint32_t c = 0; c < layer.channels; ++c)
-                layer.values[pixel * layer.channels + c] =
-                    static_cast<float>(layer.kind == LayerKind::variance
-                                           ? variance_of_mean(sums[c], sums[c + layer.channels], count)
-                                       : count > 0.0 ? sums[c] / count
-                                                     : 0.0);
+                layer.values[pixel * layer.channels + c] = static_cast<float>(
+                    layer.kind == LayerKind::variance
+                        ? variance_of_mean(sums[c], sums[c + layer.channels], count)
+                    : layer.kind == LayerKind::alpha && count > 0.0 ? (sums[c] + shadow_alpha(pixel)) / count
+                    : count > 0.0                                   ? sums[c] / count
+                                                                    : 0.0);
         }
     }
 }

@@ -6,7 +6,7 @@
 //   beauty     3         mean radiance, premultiplied by alpha where a light at infinity is invisible
 //   variance   3         variance of beauty's mean, estimated as if samples were independent: an upper
 //                        estimate, since samples are stratified; 0 for a single sample
-//   alpha      1         fraction of samples that hit a surface
+//   alpha      1         fraction of samples that hit a surface; on a shadow catcher the share of its light that others block
 //   albedo     3         mean over all samples of the first hit's albedo (0 where nothing is hit)
 //   normal     3         mean over all samples of the first hit's shading normal, towards the camera, world space
 //   depth      1         mean distance along the ray to the first hit over the samples that hit, metres; 0 if
@@ -55,6 +55,9 @@ struct FilmPixel {
     double block_luminance_sum = 0.0;    // of luminance over complete blocks of samples_per_block samples
     double block_luminance_sq_sum = 0.0; // over complete blocks: of the square of a block's luminance sum
     double clamped_luminance_sum = 0.0;  // luminance that RenderSettings::indirect_clamp removed
+    // Over the samples that hit a shadow catcher: their number, the luminance of direct light that it scatters, and that
+    // without shadows.
+    double catcher_samples = 0.0, catcher_lit_sum = 0.0, catcher_full_sum = 0.0;
     // Standard deviation of one sample's luminance, from the variance averaged over the 5x5 neighbourhood
     // after the last complete pass; 0: not yet known.
     float luminance_stddev = 0.0F;
@@ -65,10 +68,12 @@ struct FilmPixel {
 template <typename Pixel, typename Visit>
 constexpr void visit_fields(Pixel& pixel, Visit&& visit) {
     auto& [next_sample, samples, converged, luminance_sum, luminance_sq_sum, block_luminance_sum,
-           block_luminance_sq_sum, clamped_luminance_sum, luminance_stddev] = pixel;
+           block_luminance_sq_sum, clamped_luminance_sum, catcher_samples, catcher_lit_sum, catcher_full_sum,
+           luminance_stddev] = pixel;
     const auto each = [&](auto&... fields) { (visit(fields), ...); };
     each(next_sample, samples, converged, luminance_sum, luminance_sq_sum, block_luminance_sum,
-         block_luminance_sq_sum, clamped_luminance_sum, luminance_stddev);
+         block_luminance_sq_sum, clamped_luminance_sum, catcher_samples, catcher_lit_sum, catcher_full_sum,
+         luminance_stddev);
 }
 inline constexpr uint32_t film_pixel_field_count = [] {
     FilmPixel pixel;
@@ -84,6 +89,7 @@ struct Film {
     std::vector<double> sums; // width * height * stride
 
     std::vector<FilmPixel> pixel_states; // width * height
+    bool transparent = false; // pictures without an alpha channel of their own, such as PNG, need one
 };
 
 // Each aligned block of 16 samples of a pixel's sequence is a stratified (0,4,2)-net in the first two

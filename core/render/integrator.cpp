@@ -317,10 +317,33 @@ bool apply_russian_roulette(Vec3f& throughput, float rr_sample) {
     return true;
 }
 
+// Light at a point on a shadow catcher, by sampling one light: luminance of what it scatters to the camera, and of what it would
+// without shadows. Not weighted with BSDF sampling: the ratio of the sums is wanted, and only where light sampling finds light.
+struct CaughtLight {
+    float lit = 0.0F, full = 0.0F;
+};
+
+CaughtLight caught_light(const RenderContext& context, const SurfacePoint& hit, const Bsdf& bsdf, float time,
+                         const std::array<float, 3>& light_numbers, RayCounts& counts) {
+    const LightSample light_sample = context.lights.sample(hit.position, time, light_numbers);
+    if (!(light_sample.pdf > 0.0F)) return {};
+    const Vec3f direction = light_sample.at_infinity
+                                ? light_sample.direction
+                                : Vec3f((light_sample.target - hit.position).normalized().cast<float>());
+    const float full =
+        luminance(evaluate(bsdf, direction).value.cwiseProduct(light_sample.radiance)) / light_sample.pdf;
+    if (!(full > 0.0F) || !std::isfinite(full)) return {};
+    Ray shadow_ray = light_sample.at_infinity ? spawn(hit, direction, time)
+                                              : spawn_towards(hit, light_sample.target, 0.0, time);
+    shadow_ray.mask = darkens_catchers;
+    return {occluded(context.world, shadow_ray, &counts) ? 0.0F : full, full};
+}
+
 // Radiance of a path: direct (scattered at one vertex or none) and indirect (at more).
 struct PathRadiance {
     Vec3f direct = Vec3f::Zero(), indirect = Vec3f::Zero();
     float cut_throughput = 0.0F; // luminance of the throughput of a path that max_depth ends
+    std::optional<CaughtLight> caught; // the camera ray hit a shadow catcher
 };
 
 // luminance_stddev: see FilmPixel.
@@ -347,6 +370,19 @@ PathRadiance trace(const RenderContext& context, Ray ray, float luminance_stddev
             if (emitted.pdf >= 0.0F) // the emitting side
                 emission_sum +=
                     mis_weight(context, bsdf_pdf, emitted.pdf) * throughput.cwiseProduct(emitted.radiance);
+        }
+        const bool is_catcher = is_camera_ray && hit.geometry < context.world.meshes.size() &&
+                                context.world.meshes[hit.geometry].shadow_catcher;
+        if (is_catcher) {
+            const Material& material = material_at(context, hit, -ray.direction);
+            const Bsdf bsdf = bsdf_at(
+                material, shading_point(context, material, hit, -ray.direction, cone.spread * hit.distance));
+            const auto [light_u, light_v, light_choice, unused] = sampler.get_4d(first_vertex_set);
+            path.caught.emplace();
+            if (!context.lights.empty())
+                path.caught =
+                    caught_light(context, hit, bsdf, ray.time, {light_choice, light_u, light_v}, counts);
+            return path;
         }
         const bool last = depth >= context.settings.max_depth;
         if (is_camera_ray) {
@@ -499,7 +535,14 @@ void render_pixel(const RenderContext& context, uint32_t x, uint32_t y, uint32_t
             pixel.clamped_luminance_sum += clamp_indirect(path.indirect, context.settings.indirect_clamp);
             const Vec3f radiance = path.direct + path.indirect;
             add_sample(context, radiance, first, film, sums);
-            add_luminance(pixel, luminance(radiance));
+            float noise = luminance(radiance);
+            if (path.caught) { // its noise is the shadow's
+                pixel.catcher_samples += 1.0;
+                pixel.catcher_lit_sum += double(path.caught->lit);
+                pixel.catcher_full_sum += double(path.caught->full);
+                noise += path.caught->lit;
+            }
+            add_luminance(pixel, noise);
         } else {
             ++stats.nonfinite_samples;
         }

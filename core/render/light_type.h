@@ -7,6 +7,7 @@
 
 #include <atomic>
 #include <functional>
+#include <limits>
 #include <memory>
 #include <mutex>
 #include <string>
@@ -88,6 +89,20 @@ using LightImageReader = std::function<LightImage(const ParamValue& file, double
 inline double mean_of(const Vec3f& color) { return color.cast<double>().sum() / 3.0; }
 inline Vec3f color_of(const ParamSet& params, std::string_view name) {
     return params.vec3(name).cast<float>();
+}
+
+// Of lights at infinity. A picture is transparent where the camera would see only lights that are not seen by it.
+inline ParamSpec seen_by_camera_param() {
+    constexpr double any = std::numeric_limits<double>::infinity();
+    return {"seen_by_camera",
+            ParamType::boolean,
+            "",
+            "true",
+            -any,
+            any,
+            "",
+            "the camera sees it; false: it lights the scene, and where nothing else is seen the picture is "
+            "transparent"};
 }
 
 // Bounds of parameters: greater values are input errors.

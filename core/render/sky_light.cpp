@@ -30,7 +30,8 @@ std::vector<ParamSpec> sky_params() {
     return {{"zenith", color, "W/(m^2 sr)", "[0.25, 0.45, 0.9]", 0, bright, "", "radiance straight above"},
             {"horizon", color, "W/(m^2 sr)", "[0.8, 0.87, 0.95]", 0, bright, "", "radiance at the horizon"},
             {"ground", color, "W/(m^2 sr)", "[0.2, 0.18, 0.15]", 0, bright, "", "radiance below the horizon"},
-            {"strength", number, "", "1", 0, bright, "", "factor on all three"}};
+            {"strength", number, "", "1", 0, bright, "", "factor on all three"},
+            seen_by_camera_param()};
 }
 
 SkyLight make_sky(const ParamSet& params) {
@@ -39,6 +40,7 @@ SkyLight make_sky(const ParamSet& params) {
     sky.horizon = color_of(params, "horizon");
     sky.ground = color_of(params, "ground");
     sky.strength = float(params.number("strength"));
+    sky.visible = params.boolean("seen_by_camera");
     return sky;
 }
 

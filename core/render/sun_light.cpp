@@ -16,7 +16,8 @@ std::vector<ParamSpec> sun_params() {
              "towards the sun, of any length"},
             {"angle", number, "deg", "0.53", 0, 180, "", "angular diameter; larger: softer shadows"},
             {"irradiance", color, "W/m^2", "3", 0, brightest_light, "",
-             "on a surface perpendicular to it; 3.14 shows white as 1"}};
+             "on a surface perpendicular to it; 3.14 shows white as 1"},
+            seen_by_camera_param()};
 }
 
 SunLight make_sun(const ParamSet& params) {
@@ -24,6 +25,7 @@ SunLight make_sun(const ParamSet& params) {
     sun.direction = params.vec3("direction");
     sun.angle = params.number("angle") * degree;
     sun.irradiance = color_of(params, "irradiance");
+    sun.visible = params.boolean("seen_by_camera");
     return sun;
 }
 

@@ -91,6 +91,9 @@ ItemSchema mesh_type(const char* type, const char* help, std::vector<ParamSpec> 
          "shows the mesh once more, with all that grows on it: takes it from where it stands to there; as "
          "transform"});
     std::ranges::move(role_params(), std::back_inserter(params));
+    params.push_back({"shadow_catcher", boolean, "", "false", -any, any, "",
+                      "the camera sees only the shadows on it: black, with the share of light that others "
+                      "block as alpha"});
     return {type, help, std::move(params)};
 }
 

@@ -19,7 +19,7 @@ namespace marram {
 namespace {
 
 constexpr std::string_view magic = "marram frame state ",
-                           format_version = "2 "; // change it when the channels change
+                           format_version = "3 "; // change it when the channels change
 
 void pack_row(const Film& film, int y, double* to) {
     for (size_t i = size_t(y) * film.width; i < size_t(y + 1) * film.width; ++i) {

@@ -167,6 +167,7 @@ World build_frame(Frame& frame, KeptGeometry kept) {
     warn_far_target(frame);
     const auto [width, height] = film_size(frame.shot);
     frame.film = make_film(width, height, frame.layers, world);
+    frame.film.transparent = is_transparent(frame.shot);
     return world;
 }
 

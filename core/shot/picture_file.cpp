@@ -83,7 +83,10 @@ void save_picture(const std::string& path, const Film& film, double exposure,
                   const std::vector<Metadata>& metadata) {
     const int width = int(film.width), height = int(film.height);
     if (lower_extension(path) == ".png") {
-        write_png(path, width, height, 3, find_layer(film, "beauty")->values.data(), exposure, metadata);
+        if (film.transparent)
+            write_png(path, width, height, 4, rgba_of(film).data(), exposure, metadata);
+        else
+            write_png(path, width, height, 3, find_layer(film, "beauty")->values.data(), exposure, metadata);
         return;
     }
     const std::vector<float> rgba = rgba_of(film);

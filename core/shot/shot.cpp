@@ -130,6 +130,14 @@ void load_meshes(Shot& shot, const std::atomic<bool>& cancel, ProblemCollector& 
         if (cancel.load()) throw Cancelled{};
         SceneMesh mesh{item.name, {}, {}, material_of(description, item), -1};
         mesh.roles = role_bits(item.params);
+        mesh.shadow_catcher = item.params.boolean("shadow_catcher");
+        if (mesh.shadow_catcher && (mesh.roles & MARRAM_SEEN_BY_CAMERA) == 0)
+            collect_problems([&] {
+                throw InputError(
+                    item.params.at("shadow_catcher").place,
+                    fmt::format("mesh \"{}\" is to catch shadows, but the camera does not see it", item.name),
+                    "leave its seen_by_camera out");
+            });
         const ParamValue& keys = item.params.at("transform");
         mesh.transform = KeyedTransform(keys.numbers, keys.text);
         collect_problems([&] {
@@ -144,6 +152,26 @@ void load_meshes(Shot& shot, const std::atomic<bool>& cancel, ProblemCollector& 
         shot.geometry.meshes.push_back(std::move(mesh));
     }
     collect_problems([&] { add_instances(shot.geometry.meshes, description.meshes); });
+}
+
+// Lights at infinity.
+struct InfiniteLights {
+    size_t seen = 0, hidden = 0; // by the camera
+};
+
+InfiniteLights infinite_lights(const Shot& shot) {
+    InfiniteLights count;
+    for (const LightDescription& description : shot.lights)
+        std::visit(
+            [&](const auto& light) {
+                if constexpr (requires { light.visible; }) ++(light.visible ? count.seen : count.hidden);
+            },
+            description);
+    return count;
+}
+
+bool has_shadow_catcher(const Shot& shot) {
+    return std::ranges::any_of(shot.geometry.meshes, &SceneMesh::shadow_catcher);
 }
 
 std::shared_ptr<PluginLibrary> library_for(const PluginSet& plugins, const Item& item) {
@@ -261,6 +289,11 @@ Shot load_shot(const std::string& file, const Overrides& overrides, const std::a
         shot.warnings.push_back(fmt::format("{}: the scene has no light: it is lit by a plain sky", file));
         shot.lights.push_back(SkyLight{});
     }
+    if (has_shadow_catcher(shot) && infinite_lights(shot).seen > 0)
+        shot.warnings.push_back(
+            fmt::format("{}: a mesh is a shadow catcher, but the camera sees the sky, which would cover the "
+                        "background: add seen_by_camera = false to the lights",
+                        file));
     return shot;
 }
 
@@ -273,8 +306,17 @@ void select_takes(Shot& shot, double frame) {
                        changes);
 }
 
+bool is_transparent(const Shot& shot) {
+    const InfiniteLights lights = infinite_lights(shot);
+    return (lights.seen == 0 && lights.hidden > 0) || has_shadow_catcher(shot);
+}
+
 std::vector<std::string> files_read(const Shot& shot, const std::string& file) {
     std::vector<std::string> files = {file};
+    const auto add_image = [&](const std::string& image) {
+        if (!has_udim(image)) files.push_back(image);
+        for (const UdimTile& tile : udim_tiles(image)) files.push_back(tile.file);
+    };
     const SceneDescription& description = shot.description;
     for (const auto* items : {&description.materials, &description.meshes, &description.curves,
                               &description.lights, &description.procedurals})
@@ -295,7 +337,3 @@ std::vector<std::string> files_read(const Shot& shot, const std::string& file) {
 }
 
 } // namespace marram
-    const auto add_image = [&](const std::string& image) {
-        if (!has_udim(image)) files.push_back(image);
-        for (const UdimTile& tile : udim_tiles(image)) files.push_back(tile.file);
-    };

@@ -60,6 +60,10 @@ Shot load_shot(const std::string& file, const Overrides& overrides, const std::a
 // procedurals that use them are told. Throws InputError if one of these rejects them.
 void select_takes(Shot& shot, double frame);
 
+// True if pictures have transparent parts: no light at infinity is seen by the camera though there is one, or a mesh is a shadow
+// catcher.
+bool is_transparent(const Shot& shot);
+
 // Paths of the scene file and of all files that it names.
 std::vector<std::string> files_read(const Shot& shot, const std::string& file);
 

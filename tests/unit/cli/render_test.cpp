@@ -372,4 +372,43 @@ TEST(Render, names_of_files_tell_every_frame) {
     EXPECT_TRUE(has_frame_mark("shot/a#.exr"));
 }
 
+// Lights that the camera does not see: RGB and alpha are 0 beside the strands, in PNG too; a shadow catcher adds alpha only.
+TEST(Render, TransparentPictures) {
+    const Folder folder;
+    const std::string scene = folder.write("a.toml", SceneText());
+    std::string text = SceneText();
+    text.insert(text.find("[[mesh]]"), "seen_by_camera = false\n");
+    const std::string hidden_scene = folder.write("b.toml", text);
+    const auto render = [&](const std::string& out, const std::string& file,
+                            const std::vector<std::string>& more = {}) {
+        std::vector<std::string> arguments = {"render", file, "-o", folder / out, "--quiet", "--spp", "16"};
+        arguments.insert(arguments.end(), more.begin(), more.end());
+        EXPECT_DONE(marram(arguments, run_copy));
+        return read_image(folder / out);
+    };
+    EXPECT_EQ(render("seen.png", scene).channels, 3);
+    const Image png = render("a.png", hidden_scene), whole = render("a.exr", hidden_scene),
+                caught = render("c.exr", hidden_scene, {"--set", "mesh.ground.shadow_catcher=true"});
+    EXPECT_EQ(png.channels, 4);
+    const auto channel = [](const Image& image, const char* name, size_t pixel) {
+        const auto c = std::ranges::find(image.channel_names, name) - image.channel_names.begin();
+        return image.pixels[pixel * size_t(image.channels) + size_t(c)];
+    };
+    size_t clear = 0, full = 0, shadow = 0;
+    for (size_t i = 0; i < 24 * 16; ++i) {
+        const float alpha = channel(whole, "A", i), with = channel(caught, "A", i);
+        const float green = channel(whole, "G", i);
+        EXPECT_NEAR(channel(png, "A", i), alpha, 0.003F);
+        if (alpha == 0.0F) EXPECT_EQ(green, 0.0F);
+        EXPECT_LE(with, alpha + 1e-5F);
+        EXPECT_LE(channel(caught, "G", i), green + 0.05F);
+        clear += alpha == 0.0F;
+        full += alpha == 1.0F;
+        shadow += with > 0.02F && with < alpha - 0.02F;
+    }
+    EXPECT_GT(clear, 50U);
+    EXPECT_GT(full, 50U);
+    EXPECT_GT(shadow, 20U);
+}
+
 } // namespace marram::testing

@@ -133,6 +133,65 @@ void add_floor(WorldBuilder& builder) {
     builder.mesh({floor.positions}, floor.triangles);
 }
 
+// A triangle looks the same whichever way it and its vertex normals are wound, and no light comes through.
+TEST(Sides, WindingAndNormalsMayDisagree) {
+    const Triangles mesh = ball();
+    const auto take = [&](bool reversed, bool against, const Vec3d& from) {
+        WorldBuilder builder;
+        auto triangles = mesh.triangles;
+        auto normals = mesh.normals;
+        for (size_t t = 0; t < triangles.size() && reversed; t += 3)
+            std::swap(triangles[t][1], triangles[t][2]);
+        if (against)
+            for (Vec3f& n : normals) n = -n;
+        builder.mesh({mesh.positions}, triangles, 0, -1, {normals});
+        Shot shot = shot_from(from, {0.3, 0.1, 0.0}, 40.0);
+        shot.materials = {diffuse(Vec3f::Constant(0.5F))};
+        shot.settings.samples = 4;
+        shot.layers = {"beauty", "normal"};
+        return shot(builder.commit());
+    };
+    const Vec3d outside(0.0, 0.5, 4.0), inside(-0.2, 0.0, 0.1);
+    const Film right = take(false, false, outside);
+    EXPECT_GT(mean_of(right, "beauty"), 0.5);
+    for (const auto& [reversed, against] : {std::pair(true, false), {false, true}, {true, true}}) {
+        const Film film = take(reversed, against, outside);
+        for (const char* layer : {"beauty", "normal"}) {
+            const std::vector<float>&a = find_layer(right, layer)->values,
+                  &b = find_layer(film, layer)->values;
+            double worst = 0.0;
+            for (size_t i = 0; i < a.size(); ++i)
+                worst = std::max(worst, std::abs(double(a[i]) - double(b[i])));
+            EXPECT_LT(worst, 1e-4) << layer << reversed << against;
+        }
+        EXPECT_EQ(mean_of(take(reversed, against, inside), "beauty"), 0.0) << reversed << against;
+    }
+}
+
+// A floor that catches the shadow of a square above it: alpha is the share of the sky that the square covers, RGB is 0.
+TEST(ShadowCatcher, AlphaIsTheShareOfLightThatIsBlocked) {
+    WorldBuilder builder;
+    add_floor(builder);
+    builder.world.meshes[0].shadow_catcher = true;
+    const Triangles roof = testing::quad({-0.5, 0.8, -0.5}, {1.0, 0.0, 0.0}, {0.0, 0.0, 1.0});
+    builder.mesh({roof.positions}, roof.triangles, 1);
+    Shot shot = probe();
+    SkyLight sky;
+    sky.visible = false;
+    shot.lights = {sky};
+    shot.settings.samples = 1024;
+    const Film film = shot(builder.commit());
+    EXPECT_EQ(mean_of(film, "beauty"), 0.0);
+    EXPECT_NEAR(mean_of(film, "alpha"), square_form_factor(0.5, 0.8), 1e-2);
+    // Nothing is above: no shadow. Without the floor the film is empty: the light is not seen.
+    WorldBuilder bare;
+    add_floor(bare);
+    bare.world.meshes[0].shadow_catcher = true;
+    EXPECT_EQ(mean_of(shot(bare.commit()), "alpha"), 0.0);
+    WorldBuilder empty;
+    EXPECT_EQ(mean_of(shot(empty.commit()), "beauty"), 0.0);
+}
+
 class Strategies : public ::testing::TestWithParam<Strategy> {};
 INSTANTIATE_TEST_SUITE_P(All, Strategies,
                          ::testing::Values(Strategy::mis, Strategy::light_sampling, Strategy::bsdf_sampling),
@@ -153,6 +212,32 @@ TEST_P(Strategies, PlaneUnderEmittingSquare) {
     const Film film = shot(builder.commit());
     const double expected = 4.0 * square_form_factor(0.5, 0.8) * 0.5;
     EXPECT_NEAR(mean_of(film, "beauty") / expected, 1.0, GetParam() == Strategy::bsdf_sampling ? 2e-2 : 5e-3);
+}
+
+// A lamp that shrinks to a point at mid-shutter and grows again: its area is 1, 0, 1 at the keys and quadratic between, so the
+// mean is a third. Scaled about its centre, it is far enough away to count by its area.
+TEST_P(Strategies, LampWithoutAreaAtMidShutter) {
+    WorldBuilder builder({0.0, 0.5, 1.0});
+    add_floor(builder);
+    std::vector<std::vector<Vec3f>> positions;
+    for (const double side : {0.2, 0.0, 0.2})
+        positions.push_back(
+            testing::quad({-0.5 * side, 0.8, -0.5 * side}, {side, 0.0, 0.0}, {0.0, 0.0, side}).positions);
+    builder.mesh(positions, {{0, 1, 2}, {0, 2, 3}}, 1, 0);
+    Shot shot = probe();
+    shot.lights = {MeshLight{Vec3f(100.0F, 100.0F, 100.0F)}};
+    shot.settings.samples = 4096;
+    shot.settings.strategy = GetParam();
+    double expected = 0.0; // Simpson's rule over the half-width
+    constexpr int steps = 64;
+    for (int i = 0; i <= steps; ++i)
+        expected += (i == 0 || i == steps ? 1.0
+                     : i % 2 == 1         ? 4.0
+                                          : 2.0) *
+                    square_form_factor(0.1 * i / steps, 0.8) / (3.0 * steps);
+    const Film film = shot(builder.commit());
+    EXPECT_NEAR(mean_of(film, "beauty") / (100.0 * expected * 0.5), 1.0,
+                GetParam() == Strategy::bsdf_sampling ? 0.1 : 1e-2);
 }
 
 TEST_P(Strategies, PlaneUnderEmittingSphere) {

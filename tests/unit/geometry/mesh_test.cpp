@@ -234,8 +234,8 @@ TEST_F(MeshFiles, ObjKeepsNormalsAndFillsMissingOnes) {
     const Mesh mesh = load("n.obj", quad + "vn 0 0 -5\nvn 0 0 0\nf 1//1 2//1 3//2\nf 1//1 3//2 4\n");
     ASSERT_EQ(mesh.normals.size(), mesh.positions.size());
     EXPECT_EQ(mesh.normals[0], Vec3f(0, 0, -1)); // the file's, normalised
-    EXPECT_EQ(mesh.normals[2], Vec3f(0, 0, 1));  // zero in the file
-    EXPECT_EQ(mesh.normals[3], Vec3f(0, 0, 1));  // none in the file
+    EXPECT_EQ(mesh.normals[2], Vec3f(0, 0, -1)); // zero in the file: on the side of the others
+    EXPECT_EQ(mesh.normals[3], Vec3f(0, 0, -1)); // none in the file
 }
 
 TEST_F(MeshFiles, PolygonsAreCutWithinThemselves) {
@@ -322,7 +322,7 @@ TEST_F(MeshFiles, PlyKeepsNormalsAndFloats) {
                       "0.1 0 1e-50 0 0 -1\n+1 0 0 0 2 0\n0 1 0 0 0 0\n\n3 0 1 2\n");
     EXPECT_EQ(mesh.positions[0], Vec3f(0.1f, 0.0f, 0.0f));
     EXPECT_EQ(mesh.normals[1], Vec3f(0, 1, 0));
-    EXPECT_EQ(mesh.normals[2], Vec3f(0, 0, 1));
+    EXPECT_EQ(mesh.normals[2], Vec3f(0, 0, -1)); // on the side of the others
 }
 
 // ---- Sides ------------------------------------------------------------------------------------------------

@@ -13,7 +13,7 @@
 //   altitude       m     100        of the scene above sea level
 //   ground_albedo  1     0.2        reflectance of the surrounding land
 //   strength       1     1          factor on sun and sky
-//   seen_by_camera  -    true       false: they light the scene, but the camera does not see them
+//   seen_by_camera -     true       false: they light the scene, but the camera does not see them
 //
 //   [[light]]
 //   type = "daylight"

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // Light: environment. An image around the scene, importance-sampled by its radiance.
 //
-//   parameter    unit          default             meaning
-//   file         -             required            latitude-longitude image, twice as wide as high. The top
-//                                                  row is +y; the middle column is -z, with +x to its right
-//   strength     -             1                   factor on the image, whose values are W/(m^2 sr)
-//   rotation     deg           0                   about y, from -z towards -x
-//   seen_by_camera  -          true                false: it lights the scene, but the camera does not see it
+//   parameter       unit          default             meaning
+//   file            -             required            latitude-longitude image, twice as wide as high. The top
+//                                                     row is +y; the middle column is -z, with +x to its right
+//   strength        -             1                   factor on the image, whose values are W/(m^2 sr)
+//   rotation        deg           0                   about y, from -z towards -x
+//   seen_by_camera  -             true                false: it lights the scene, but the camera does not see it
 //
 //   [[light]]
 //   name = "studio"

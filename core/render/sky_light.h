@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // Light: sky. A colour gradient over the whole sphere.
 //
-//   parameter    unit          default             meaning
-//   zenith       W/(m^2 sr)    [0.25, 0.45, 0.9]   radiance straight above
-//   horizon      W/(m^2 sr)    [0.8, 0.87, 0.95]   radiance at the horizon
-//   ground       W/(m^2 sr)    [0.2, 0.18, 0.15]   radiance below the horizon
-//   strength     -             1                   factor on all three
-//   seen_by_camera  -          true                false: it lights the scene, but the camera does not see it
+//   parameter       unit          default             meaning
+//   zenith          W/(m^2 sr)    [0.25, 0.45, 0.9]   radiance straight above
+//   horizon         W/(m^2 sr)    [0.8, 0.87, 0.95]   radiance at the horizon
+//   ground          W/(m^2 sr)    [0.2, 0.18, 0.15]   radiance below the horizon
+//   strength        -             1                   factor on all three
+//   seen_by_camera  -             true                false: it lights the scene, but the camera does not see it
 //
 //   [[light]]
 //   name = "sky"

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // Light: sun. A disc at infinity.
 //
-//   parameter    unit          default             meaning
-//   direction    -             [1, 2, 1]           towards the sun, of any length
-//   angle        deg           0.53                angular diameter: larger makes shadows softer; 0: parallel
-//                                                  rays, and the sun is invisible
-//   irradiance   W/m^2         3                   on a surface perpendicular to it; 3.14 shows white as 1
-//   seen_by_camera  -          true                false: it lights the scene, but the camera does not see it
+//   parameter       unit          default             meaning
+//   direction       -             [1, 2, 1]           towards the sun, of any length
+//   angle           deg           0.53                angular diameter: larger makes shadows softer; 0: parallel
+//                                                     rays, and the sun is invisible
+//   irradiance      W/m^2         3                   on a surface perpendicular to it; 3.14 shows white as 1
+//   seen_by_camera  -             true                false: it lights the scene, but the camera does not see it
 //
 //   [[light]]
 //   name = "sun"

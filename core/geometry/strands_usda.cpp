@@ -210,8 +210,12 @@ void UsdaStrandsReader::find_times() {
         size_t most = 0;
         for (const auto& [time, value] : points.samples) most = std::max(most, value->size());
         floats += most / 3 * 4;
-        if (counts_change_)
+        if (counts_change_) { // each time has its own values of all attributes
             for (const auto& [time, value] : prim.self().samples("curveVertexCounts")) times.insert(time);
+            for (const UsdaAttribute& attribute : prim.self().attributes)
+                if (attribute.name.starts_with("primvars:"))
+                    floats += most / 3 * usda_type_width(attribute.type);
+        }
         for (const UsdaSeries& one : {points, series(prim.self(), widths_name(prim.self()))})
             if (one.samples.size() > 1)
                 for (const auto& [time, value] : one.samples) times.insert(time);

@@ -50,7 +50,7 @@ TEST(Texture, FromAfarIsTheMeanOfItsLight) {
     // At the border, half a pixel inside: clamped, the far side has no share. Beyond, the pixel at the border stays.
     for (const auto& [u, v] : {std::pair(0.0005F, 0.875F), {0.125F, 0.9995F}, {-3.0F, 0.875F}}) {
         EXPECT_NEAR(near->at({u, v}, 0.0F, Wrap::clamp).x(), 0.0, 1e-3);
-        if (u > 0.0F) EXPECT_GT(near->at({u, v}, 0.0F, Wrap::repeat).x(), 0.2);
+        EXPECT_TRUE(u < 0.0F || near->at({u, v}, 0.0F, Wrap::repeat).x() > 0.2F);
     }
 }
 

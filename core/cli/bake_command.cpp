@@ -98,6 +98,7 @@ Vec2d heights_of_frames(Shot& shot, const std::vector<double>& frames, const Bak
                         int threads, std::set<std::string>& warnings) {
     Vec2d range(std::numeric_limits<double>::infinity(), -std::numeric_limits<double>::infinity());
     for (size_t i = 0; i < frames.size(); ++i) {
+        select_takes(shot, frames[i]);
         const BuildSettings settings = build_settings_for_bake(shot, options, frames[i]);
         tbb::task_arena arena(threads);
         BuildProgress progress;

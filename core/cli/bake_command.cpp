@@ -123,7 +123,7 @@ int bake_command(const BakeOptions& given) {
     BakeOptions options = given;
     check_baked_formats(options);
     const double begin = wall_seconds();
-    Shot shot = open_shot(options);
+    Shot shot = open_shot(options, false);
     const double load_seconds = wall_seconds() - begin;
     const Vec2d range = shot.description.globals.vec2("frames");
     const std::vector<double> frames = frames_to_bake(options, range);

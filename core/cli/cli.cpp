@@ -387,9 +387,11 @@ int threads_of(const CommonOptions& options) {
     return options.threads > 0 ? options.threads : tbb::this_task_arena::max_concurrency();
 }
 
-Shot open_shot(const CommonOptions& options) {
+Shot open_shot(const CommonOptions& options, bool uses_lights) {
     Shot shot = load_shot(options.scene, options.overrides, interrupted());
     for (const std::string& warning : shot.warnings) print_message("{}\n", warning);
+    for (const std::string& warning : shot.light_warnings)
+        if (uses_lights) print_message("{}\n", warning);
     return shot;
 }
 

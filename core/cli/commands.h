@@ -28,7 +28,7 @@ struct CommonOptions {
 int threads_of(const CommonOptions& options);
 
 // Loads the scene and prints its warnings.
-Shot open_shot(const CommonOptions& options);
+Shot open_shot(const CommonOptions& options, bool uses_lights = true);
 
 struct RenderOptions : CommonOptions {
     std::string output = "marram.png";

@@ -207,11 +207,8 @@ StrandFile HairReader::read() {
             throw InputError({path_}, fmt::format("the thickness of point {} is {}", i, sample.widths[i]),
                              "write diameters, 0 or more");
         });
-    } else if (thickness == HairHeader().default_thickness || thickness == 1.0F) {
-        if (thickness != 0.0F)
-            strands_.warnings.emplace_back("has no thickness (its default is 1, as writers leave it): the "
-                                           "width of the strands is unknown");
-    } else {
+    } else if (thickness != HairHeader().default_thickness && thickness != 1.0F) {
+        // 1 is what writers leave there: no width. Who needs one and is given none says so.
         if (!(thickness >= 0.0F && thickness <= farthest))
             throw InputError({path_}, fmt::format("the header's thickness is {}", thickness),
                              "write a diameter, 0 or more");

@@ -40,7 +40,7 @@ ParamSet read_single(const toml::table& root, const std::string& name, std::span
     TableToRead job;
     job.table = single_table(root, name, reading);
     job.place = job.table ? place_of(*job.table, reading) : Place{reading.file, 1, 1};
-    job.address = name;
+    job.address = job.subject = name;
     job.specs = pointers(specs);
     // If the node is not a table, this has been reported: do not report its missing keys as well.
     if (!job.table && root.contains(name)) return {};
@@ -77,16 +77,17 @@ const ItemSchema* read_type(const toml::table& table, const std::string& kind, c
     if (!table.contains("type")) {
         const std::string misspelt = key_like_type(table);
         reading.report(place_of(table, reading), fmt::format("{} has no type", label),
-                       types.empty()       ? hint("", types, "type of " + kind + " in this build")
-                       : !misspelt.empty() ? fmt::format("write type in place of {}", in_quotes(misspelt))
-                                           : fmt::format("add type = \"...\", known are {}", listed(types)));
+                       types.empty() ? hint("", types, "type of " + kind + " in this build")
+                       : !misspelt.empty()
+                           ? fmt::format("write type in place of {}", in_quotes(misspelt))
+                           : fmt::format("add type = \"...\", known are {}", listed(types, all_words)));
     }
     const std::optional<std::string> type = read_text_key(table, "type", label, reading);
     if (!type) return nullptr;
     for (const ItemSchema& schema : schemas)
         if (schema.type == *type) return &schema;
     std::string fix = nearest(*type, types).empty() ? table_of_type(*type, *reading.schema) : "";
-    if (fix.empty()) fix = hint(*type, types, fmt::format("type of {} in this build", kind));
+    if (fix.empty()) fix = hint(*type, types, fmt::format("type of {} in this build", kind), all_words);
     reading.report(place_of(*table.get("type"), reading),
                    fmt::format("{} is no type of {}", in_quotes(*type), kind), fix, "scene.unknown_" + kind);
     return nullptr;
@@ -141,6 +142,7 @@ void read_item(const toml::table& table, const std::string& kind, std::span<cons
     job.table = &table;
     job.place = item.place;
     job.address = label;
+    job.subject = item.type;
     job.specs = pointers(schema->params);
     job.lists = schema->lists;
     job.others = {"name", "type"};

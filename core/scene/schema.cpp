@@ -22,7 +22,9 @@ std::vector<ParamSpec> global_params() {
         {"bind_frame", number, "frames", "none", -late, late, "",
          "frame at which strands are rooted; default: the first of `frames`"},
         {"tolerance", number, "m", "0.001", 0, far, "",
-         "largest error that approximations may have; 0: a thousandth of each strand's length, or less"},
+         "error that each approximation may have, for 99 strands in 100, before contact (a strand that touches "
+         "a mesh may pass it on either side); how far a rendered strand may enter a mesh; 0: a thousandth of each "
+         "strand's length, or less"},
         {"tolerance_pixels", number, "pixels", "none", 1e-4, 1e4, "",
          "the same in pixels at camera.target; motion keys and straight pieces follow each strand's own "
          "distance, other settings allow nearer strands more"},

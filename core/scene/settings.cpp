@@ -88,6 +88,37 @@ toml::node* make_table(toml::table& in, const std::string& key, const std::strin
     return &in.insert_or_assign(toml::key(key, empty.source()), std::move(empty)).first->second;
 }
 
+// The name of a list's element: its own or, as layers have it, that of its type; nullptr: none.
+const std::string* name_of_element(const toml::node& element) {
+    const toml::table* table = element.as_table();
+    const toml::node* name = table ? table->get("name") : nullptr;
+    if (table && !name) name = table->get("type");
+    return name && name->is_string() ? &name->as_string()->get() : nullptr;
+}
+
+// The element that the steps from `i` on name, as in layer.field.edit. Names may contain dots: the longest match is
+// taken, of equal names the first element. Sets `used` to the number of steps of its name. Reports and returns nullptr if there is none.
+toml::node* named_element(toml::array& list, std::span<const Step> steps, size_t& used,
+                          const std::string& source, const std::string& address, Reading& reading) {
+    toml::node* found = nullptr;
+    std::string name;
+    std::vector<std::string> names;
+    for (size_t k = 0; k < steps.size() && !steps[k].element; ++k) {
+        name += (k > 0 ? "." : "") + steps[k].key;
+        for (toml::node& element : list) {
+            const std::string* own = name_of_element(element);
+            if (own && k == 0) names.push_back(*own);
+            if (own && *own == name && (!found || used <= k)) found = &element, used = k + 1;
+        }
+    }
+    if (found) return found;
+    reading.report({source, 0, 0},
+                   fmt::format("no element of {} is named {}", clean(address), in_quotes(steps[0].key)),
+                   (names.empty() ? std::string() : hint(steps[0].key, names, "") + ", or ") +
+                       fmt::format("write {}[0] for its first element", clean(address)));
+    return nullptr;
+}
+
 // Follows the steps through tables and lists, adds missing tables, and stores the value at the last step.
 void put(toml::table& root, std::span<const Step> steps, toml::node&& value, const std::string& source,
          std::string address, Reading& reading) {
@@ -108,6 +139,19 @@ void put(toml::table& root, std::span<const Step> steps, toml::node&& value, con
                 });
             }
             node = element;
+            continue;
+        }
+        if (toml::array* list = node->as_array();
+            list && !last && std::ranges::any_of(*list, [](const toml::node& e) { return e.is_table(); })) {
+            size_t used = 0;
+            node = named_element(*list, steps.subspan(i), used, source, address, reading);
+            if (!node) return;
+            for (size_t k = i; k < i + used; ++k) address += "." + steps[k].key;
+            i += used - 1;
+            if (i + 1 == steps.size())
+                return reading.report({source, 0, 0},
+                                      fmt::format("{} is an element of a list", clean(address)),
+                                      "add one of its keys");
             continue;
         }
         toml::table* table = node->as_table();

@@ -61,11 +61,12 @@ std::string nearest(std::string_view name, std::span<const std::string> candidat
     return best;
 }
 
-std::string hint(std::string_view name, std::span<const std::string> candidates, std::string_view noun) {
+std::string hint(std::string_view name, std::span<const std::string> candidates, std::string_view noun,
+                 size_t most) {
     if (candidates.empty()) return fmt::format("there is no {}", noun);
     const std::string best = nearest(name, candidates);
     if (!best.empty()) return fmt::format("did you mean {}?", in_quotes(best));
-    return "known are " + listed(candidates);
+    return "known are " + listed(candidates, most);
 }
 
 std::string clean(std::string_view text) {

@@ -16,11 +16,14 @@ std::string nearest(std::string_view name, std::span<const std::string> candidat
 
 // `did you mean "x"?`, or else `known are a, b, c and 4 more`. `there is no <noun>` if there are no
 // candidates.
-std::string hint(std::string_view name, std::span<const std::string> candidates, std::string_view noun);
+std::string hint(std::string_view name, std::span<const std::string> candidates, std::string_view noun,
+                 size_t most = 8);
 
 // Makes text printable on one line: control characters become '?', and it is cut after about 60 bytes.
 std::string clean(std::string_view text);
 std::string in_quotes(std::string_view text);
+
+inline constexpr size_t all_words = 100; // of a list that nothing else prints: types, choices
 
 // "a, b, c and 4 more"
 std::string listed(std::span<const std::string> words, size_t most = 8);

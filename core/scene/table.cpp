@@ -36,6 +36,24 @@ void add_once(std::vector<std::string>& words, std::string word) {
     if (std::find(words.begin(), words.end(), word) == words.end()) words.push_back(std::move(word));
 }
 
+// "known are a, b, c and 12 more: `marram info wind` lists all": the keys that can follow `prefix`.
+std::string known_keys(const TableToRead& job, const std::string& prefix) {
+    std::vector<std::string> here;
+    for (const ParamSpec* spec : job.specs)
+        if (spec->name.starts_with(prefix) && spec->type != ParamType::unavailable) {
+            const std::string rest = spec->name.substr(prefix.size());
+            add_once(here, rest.substr(0, rest.find_first_of(".[")));
+        }
+    if (prefix.empty()) {
+        for (const ListSchema& list : job.lists) add_once(here, list.name);
+        here.insert(here.end(), job.others.begin(), job.others.end());
+    }
+    const std::string known = hint("", here, "key to be given here");
+    constexpr size_t shown = 8; // by listed()
+    if (here.size() <= shown) return known;
+    return fmt::format("{}: `marram info{}{}` lists all", known, job.subject.empty() ? "" : " ", job.subject);
+}
+
 // Where a key of this name belongs. The usual mistake is a global key below the first table header.
 std::string suggest_table(const std::string& name, const TableToRead& job, const Reading& reading) {
     if (!reading.schema) return "";
@@ -44,6 +62,18 @@ std::string suggest_table(const std::string& name, const TableToRead& job, const
                            [&](const ParamSpec& spec) { return spec.name == name; });
     };
     const Schema& schema = *reading.schema;
+    // A key of another type of the same kind: it is not misplaced.
+    for (const auto& [kind, items] : {std::pair{"light", &schema.lights},
+                                      {"material", &schema.materials},
+                                      {"mesh", &schema.meshes},
+                                      {"curves", &schema.curves},
+                                      {"procedural", &schema.procedurals}}) {
+        if (job.address != kind && !job.address.starts_with(std::string(kind) + ".")) continue;
+        std::vector<std::string> types;
+        for (const ItemSchema& item : *items)
+            if (declares(item.params)) types.push_back(item.type);
+        if (!types.empty()) return fmt::format("it is a key of {}; {}", listed(types), known_keys(job, ""));
+    }
     if (!job.address.empty() && declares(schema.globals))
         return "move it to the top, before the first [table]";
     for (const auto& [table, specs] :
@@ -61,14 +91,13 @@ std::string suggest_table(const std::string& name, const TableToRead& job, const
 void report_unknown(const toml::key& key, const std::string& prefix, const TableToRead& job,
                     Reading& reading) {
     const std::string name = prefix + std::string(key.str());
-    std::vector<std::string> here, all; // keys valid at this level; candidates for suggestions
+    std::vector<std::string> all; // candidates for suggestions
     for (const ParamSpec* spec : job.specs) {
         if (!spec->name.starts_with(prefix)) continue;
         const std::string rest = spec->name.substr(prefix.size());
         const std::string first = rest.substr(0, rest.find_first_of(".["));
         add_once(all, first);
         if (is_own(*spec, job)) add_once(all, rest);
-        if (spec->type != ParamType::unavailable) add_once(here, first);
         // "frequency" where "noise.frequency" is meant
         if (const size_t dot = rest.rfind('.');
             dot != std::string::npos && rest.substr(dot + 1) == key.str()) {
@@ -79,17 +108,12 @@ void report_unknown(const toml::key& key, const std::string& prefix, const Table
         }
     }
     if (prefix.empty()) {
-        for (const ListSchema& list : job.lists) {
-            add_once(all, list.name);
-            add_once(here, list.name);
-        }
+        for (const ListSchema& list : job.lists) add_once(all, list.name);
         all.insert(all.end(), job.others.begin(), job.others.end());
-        here.insert(here.end(), job.others.begin(), job.others.end());
     }
     std::string fix = suggest_table(name, job, reading);
     if (fix.empty())
-        fix = nearest(key.str(), all).empty() ? hint("", here, "key to be given here")
-                                              : hint(key.str(), all, "");
+        fix = nearest(key.str(), all).empty() ? known_keys(job, prefix) : hint(key.str(), all, "");
     reading.report(place_of(key.source(), reading), fmt::format("{} is unknown", clean(label_of(name, job))),
                    fix);
 }
@@ -177,6 +201,7 @@ void read_typed_list(const toml::node& node, const ListSchema& schema, const Tab
         value->name = name + ".type";
         given.elements.put(std::move(*value));
         element.address = job.address;
+        element.subject = one->type;
         element.prefix = name + ".";
         element.specs = pointers(one->params);
         element.others = {"type"};

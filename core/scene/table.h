@@ -15,6 +15,7 @@ struct TableToRead {
     // For an element of a list: the prefix of its declared names, "gusts.control[].", and the prefix that
     // replaces it in the names of values, "gusts.control[1]."
     std::string declared_prefix, prefix;
+    std::string subject;             // of `marram info` that lists all keys: "wind", "groom"; "": no subject
     std::vector<std::string> others; // keys that are not parameters, checked elsewhere: name, type, film, ...
 };
 

@@ -68,8 +68,8 @@ bool read_choice(const toml::node& node, std::span<const std::string> choices, c
             if (choice == text) return true;
     }
     reading.report(place_of(node, reading), fmt::format("{} is {}", label, found(node)),
-                   node.is_string() ? hint(text, choices, "choice")
-                                    : "give one of " + listed(choices) + " in quotes");
+                   node.is_string() ? hint(text, choices, "choice", all_words)
+                                    : "give one of " + listed(choices, all_words) + " in quotes");
     return false;
 }
 

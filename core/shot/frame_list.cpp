@@ -18,7 +18,7 @@ namespace {
 constexpr int64_t most_frames = 1'000'000;
 constexpr double units = 1e6; // per frame: frames are counted in integers of 1e-6, so decimals are exact
 
-// Parses a list from left to right. Columns in messages count from 1.
+// Parses a list from left to right. Characters in messages count from 1.
 class FrameList {
   public:
     FrameList(const std::string& text, const std::string& option) : text_(text), option_(option) {}
@@ -91,7 +91,8 @@ class FrameList {
     }
 
     [[noreturn]] void refuse(size_t at, const std::string& what, const std::string& fix) const {
-        throw InputError({option_ + " " + text_, 1, int(at) + 1}, what, fix);
+        throw InputError({option_ + " " + text_},
+                         at > 0 ? fmt::format("{} (character {})", what, at + 1) : what, fix);
     }
     [[noreturn]] void refuse_count(size_t at) const {
         refuse(at, fmt::format("these are more than {} frames", most_frames), "render them in several runs");

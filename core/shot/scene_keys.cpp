@@ -23,8 +23,21 @@ void add_tables(Keys& keys, const Schema& schema) {
     add_declared(keys, "wind.", schema.wind);
 }
 
+// Elements of lists that have a name, or a type, are listed by it too: layer.crest.max_height.
 void add_values(Keys& keys, const std::string& prefix, const ParamSet& params) {
-    for (const ParamValue& value : params.all()) keys.insert(prefix + value.name);
+    for (const ParamValue& value : params.all()) {
+        keys.insert(prefix + value.name);
+        const size_t open = value.name.find('['), close = value.name.find("].");
+        if (open == std::string::npos || close == std::string::npos ||
+            value.name.find('[', close) != std::string::npos)
+            continue;
+        const std::string element = value.name.substr(0, close + 2);
+        const ParamValue* name = params.find(element + "name");
+        if (!name) name = params.find(element + "type");
+        if (name && !name->text.empty() && name != &value)
+            keys.insert(prefix + value.name.substr(0, open) + "." + name->text +
+                        value.name.substr(close + 1));
+    }
 }
 
 // Items without a name cannot be addressed by a key.

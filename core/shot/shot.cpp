@@ -260,7 +260,7 @@ Shot load_shot(const std::string& file, const Overrides& overrides, const std::a
         collect_problems([&] { resolve_blends(shot); });
     std::vector<LightDescription> suns; // of daylight; appended last, as meshes refer to lights by index
     for (const Item& item : description.lights)
-        collect_problems([&] { shot.lights.push_back(make_light(item, suns, shot.warnings)); });
+        collect_problems([&] { shot.lights.push_back(make_light(item, suns, shot.light_warnings)); });
     std::ranges::move(suns, std::back_inserter(shot.lights));
     load_meshes(shot, cancel, collect_problems);
     for (const Item& item : description.curves)
@@ -286,7 +286,8 @@ Shot load_shot(const std::string& file, const Overrides& overrides, const std::a
     collect_problems([&] { camera_at(description, description.globals.vec2("frames").x()); });
     collect_problems.raise();
     if (shot.lights.empty()) {
-        shot.warnings.push_back(fmt::format("{}: the scene has no light: it is lit by a plain sky", file));
+        shot.light_warnings.push_back(
+            fmt::format("{}: the scene has no light: it is lit by a plain sky", file));
         shot.lights.push_back(SkyLight{});
     }
     if (has_shadow_catcher(shot) && infinite_lights(shot).seen > 0)

@@ -171,6 +171,19 @@ std::unique_ptr<TerrainLayer> make_mass_layer(const LayerContext& context) {
         mass_too_many(about, context.values.place("spacing"));
     std::vector<MassDune> dunes = generate_dunes(settings, area.lower, area.upper);
     warn_of_lost_edits(context, settings, dunes);
+    const Domain& domain = context.domain;
+    const Vec2d low(domain.x0, domain.z0), high(domain.x(domain.nx - 1), domain.z(domain.nz - 1));
+    const bool any_inside = std::ranges::any_of(dunes, [&](const MassDune& dune) {
+        return (dune.at.array() >= low.array()).all() && (dune.at.array() <= high.array()).all();
+    });
+    const bool removed =
+        std::ranges::any_of(settings.edits, [](const DuneEdit& edit) { return edit.remove; });
+    if (dunes.empty() && !removed)
+        context.warn(context.values.place("spacing"), "mass_desert has no dune: there is no room for one",
+                     "lower spacing, or enlarge size or its area");
+    else if (!dunes.empty() && !any_inside)
+        context.warn(context.values.place("spacing"), "no dune of mass_desert stands on the terrain",
+                     "lower spacing, move its area onto the terrain, or take another seed");
     auto layer = std::make_unique<MassLayer>(read_shape(context), context.domain, std::move(dunes),
                                              context.values.number("merge"),
                                              dynamic_cast<const MassLayer*>(context.before));

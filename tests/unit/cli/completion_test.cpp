@@ -210,6 +210,33 @@ TEST(Info, FindsParametersByName) {
     EXPECT_EQ(marram({"info", "no_such_subject"}).code, 2);
 }
 
+// A word with an underscore in a help text is a key, a type or a choice, not an identifier of the code that a renaming
+// has left there.
+TEST(Info, NamesNothingButKeys) {
+    const std::string text = printed({"info"});
+    static const std::regex word("[a-z]+(_[a-z]+)+");
+    std::set<std::string> keys = {"libmarram_procedural", // the library
+                                  "dir_x", "dir_z",       // columns of tables
+                                  "strand_id"};           // an attribute of .ply files
+    const auto add = [&](const std::string& from) {
+        for (std::sregex_iterator match(from.begin(), from.end(), word), end; match != end; ++match)
+            keys.insert(match->str());
+    };
+    for (const std::string& line :
+         lines(text)) { // "    gusts.num_gusts  integer ...", "target  sand|level|..."
+        const size_t begin = line.find_first_not_of(' ');
+        if (begin == std::string::npos) continue;
+        if (line.starts_with("[[")) add(line.substr(0, line.find(':')));
+        const size_t end = line.find("  ", begin);
+        add(line.substr(begin, end - begin));
+        if (end == std::string::npos) continue;
+        const size_t type = line.find_first_not_of(' ', end);
+        if (type != std::string::npos) add(line.substr(type, line.find(' ', type) - type));
+    }
+    for (std::sregex_iterator match(text.begin(), text.end(), word), end; match != end; ++match)
+        EXPECT_TRUE(keys.contains(match->str())) << match->str();
+}
+
 TEST(InfoKeys, AreWhatSettingsTake) {
     const Folder folder;
     const std::string scene = folder.write(

@@ -86,6 +86,39 @@ TEST_F(Settings, ReachElementsOfLists) {
     EXPECT_EQ(scene.procedurals[0].params.vec2("length"), Vec2d(0.2, 0.7));
 }
 
+TEST_F(Settings, ReachNamedElementsOfLists) {
+    constexpr double any = std::numeric_limits<double>::infinity();
+    const ParamSpec name = {"name", ParamType::text, "", "none", -any, any, "", "its name"};
+    const ParamSpec height = {"height", ParamType::number, "m", "1", 0, 100, "", "height"};
+    schema.procedurals.push_back(
+        {"desert",
+         "sand",
+         {},
+         {{"layer",
+           {{"noise", "bumps", {name, height}}, {"dune", "a dune", {name, height}}},
+           {"type", ParamType::choice, "", "", -any, any, "noise|dune", "its type"}}}});
+    file = folder.write("desert.toml", small_scene +
+                                           "\n[[procedural]]\ntype = \"desert\"\nname = \"sea\"\n"
+                                           "[[procedural.layer]]\ntype = \"noise\"\n"
+                                           "[[procedural.layer]]\ntype = \"dune\"\nname = \"crest\"\n"
+                                           "[[procedural.layer]]\ntype = \"dune\"\nname = \"crest.b\"\n");
+    const SceneDescription scene =
+        load_scene(file,
+                   {"procedural.sea.layer.crest.height=5", "procedural.sea.layer.crest.b.height=6",
+                    "procedural.sea.layer.noise.height=7"},
+                   schema);
+    const ParamSet& sea = scene.procedurals.back().params;
+    EXPECT_EQ(sea.number("layer[0].height"), 7) << "without a name it has that of its type";
+    EXPECT_EQ(sea.number("layer[1].height"), 5);
+    EXPECT_EQ(sea.number("layer[2].height"), 6);
+    expect(
+        {"procedural.sea.layer.crst.height=5"},
+        "--set procedural.sea.layer.crst.height=5: no element of procedural.sea.layer is named \"crst\": did "
+        "you mean \"crest\"?, or write procedural.sea.layer[0] for its first element");
+    expect({"procedural.sea.layer.crest.b=5"},
+           "--set procedural.sea.layer.crest.b=5: procedural.sea.layer.crest.b is unknown");
+}
+
 TEST_F(Settings, AddTablesAndTheLastOneCounts) {
     file = folder.write("small.toml", small_scene);
     const SceneDescription scene =

@@ -121,8 +121,8 @@ CurveDistance relative_cv_distance(const World& mine, const World& reference) {
                });
 }
 
-CurveDistance cv_distance(const World& mine, const World& reference) {
-    return gap(mine, reference, std::numeric_limits<double>::infinity(), farthest_cv);
+CurveDistance cv_distance(const World& mine, const World& reference, double limit) {
+    return gap(mine, reference, limit, farthest_cv);
 }
 
 CurveDistance motion_cv_distance(const World& mine, const World& reference, const View& view, double limit) {

@@ -21,8 +21,9 @@ struct CurveDistance {
 // of its CVs. Throws std::invalid_argument if the numbers of strands differ. Cost: 5 ns per CV and processor.
 CurveDistance relative_cv_distance(const World& mine, const World& reference);
 
-// The same in metres.
-CurveDistance cv_distance(const World& mine, const World& reference);
+// The same in metres. limit: for CurveDistance::beyond.
+CurveDistance cv_distance(const World& mine, const World& reference,
+                          double limit = std::numeric_limits<double>::infinity());
 
 // Distance in metres, enlarged by the view, between CVs that move linearly between motion samples; at every
 // motion sample of the reference. limit: for CurveDistance::beyond.

@@ -53,7 +53,7 @@ std::vector<std::string> set_in_procedurals(const Shot& shot, const std::string&
 void add_own(NumberedSettings& settings, double own, const std::string& label) {
     const auto at = std::ranges::find_if(settings, [&](const auto& setting) { return setting.first >= own; });
     if (at != settings.end() && at->first == own)
-        at->second.own = true;
+        at->second.own = true, at->second.changes.clear();
     else
         settings.insert(at, {own, {label, {}, true, 0}});
 }

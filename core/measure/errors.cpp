@@ -131,4 +131,9 @@ void compare_strands(const Dial& dial, const Shot& shot, double frame, const Wor
     if (dial.counts_crossing) result.crossing = count_crossing_strands(world);
 }
 
+void compare_after_contact(const World& world, const World& reference, double tolerance,
+                           SettingResult& result) {
+    result.beyond = cv_distance(world, reference, tolerance).beyond;
+}
+
 } // namespace marram

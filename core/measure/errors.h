@@ -26,4 +26,8 @@ void compare_views(const Shot& shot, double frame, const World& world, const Wor
 void compare_strands(const Dial& dial, const Shot& shot, double frame, const World& world,
                      const World& reference, SettingResult& result);
 
+// After contact. Sets beyond: the fraction of strands that are farther than `tolerance` from the reference.
+void compare_after_contact(const World& world, const World& reference, double tolerance,
+                           SettingResult& result);
+
 } // namespace marram

@@ -169,8 +169,22 @@ size_t finest_measured(const Dial& dial, const Rounds& rounds, size_t base) {
 // The errors of a dial's settings. What is built before the reference waits for it.
 class Errors {
   public:
-    Errors(DialResult& result, const Session& session, const std::vector<Shot>& scenes)
-        : result_(result), session_(session), scenes_(scenes), by_attribute_(result.settings.size()) {}
+    // tolerance: of the scene, metres
+    Errors(DialResult& result, const Session& session, const std::vector<Shot>& scenes, double tolerance)
+        : result_(result), session_(session), scenes_(scenes), tolerance_(tolerance),
+          by_attribute_(result.settings.size()) {}
+
+    // Takes a setting of a dial without_contact: as the scene is, and before contact.
+    void add(size_t setting, World world, World before_contact) {
+        if (setting == result_.dial.reference) {
+            after_contact_ = std::move(world); // this dial's reference is always the first
+            add(setting, std::move(before_contact));
+            return;
+        }
+        if (!after_contact_) return;
+        compare_after_contact(world, *after_contact_, tolerance_, result_.settings[setting]);
+        add(setting, std::move(before_contact));
+    }
 
     void add(size_t setting, World world) {
         if (result_.dial.error == DialError::surface) // what is not compared would wait in memory
@@ -239,7 +253,8 @@ class Errors {
     DialResult& result_;
     const Session& session_;
     const std::vector<Shot>& scenes_; // [setting]
-    std::optional<World> reference_;
+    double tolerance_;
+    std::optional<World> reference_, after_contact_; // after_contact_: the reference as the scene is
     std::map<size_t, World> waiting_;
     std::vector<SettingResult> by_attribute_; // of a dial of meshes
 };
@@ -311,8 +326,14 @@ std::string dial_rule(const DialResult& result, double tolerance, const BuildSta
     for (const auto& [name, value] : chosen->chosen)
         if (name.ends_with("." + dial.name))
             rule += fmt::format(" The tolerance chose {} = {:.6g}.", name, value);
-    return rule + fmt::format(" Of {:.3g} m allowed, 99 strands in 100 are off by less than {:.3g}.",
-                              tolerance, measured);
+    // Settings before the reference have been measured against it, and it has an error of its own.
+    const double own_error = factor * reference;
+    rule += fmt::format(" 99 strands in 100 are within {:.3g} m of the reference, the tolerance is {:.3g} m",
+                        measured, tolerance);
+    return rule +
+           (own_error > 0.25 * tolerance
+                ? fmt::format(": too coarse a reference to tell, its own error may be {:.2g} m.", own_error)
+                : std::string("."));
 }
 
 // A dial whose settings build the scene: its strands or its meshes.
@@ -326,10 +347,13 @@ DialResult measure_builds(const Dial& dial, const Session& session, double budge
         return coarsest_first(dial) && dial.settings[i].own ? own_limit : limit;
     };
     std::vector<Shot> scenes(dial.settings.size());
-    const auto load = [&](size_t i) {
+    const auto changes_of = [&](size_t i) {
         std::vector<std::string> changes = session.thinned;
         changes.insert(changes.end(), dial.settings[i].changes.begin(), dial.settings[i].changes.end());
-        scenes[i] = load_with(session.request, limit_of(i).stop(), changes);
+        return changes;
+    };
+    const auto load = [&](size_t i) {
+        scenes[i] = load_with(session.request, limit_of(i).stop(), changes_of(i));
     };
     // Does work for a setting. Returns whether it ended; if not, the setting is refused.
     const auto attempt = [&](size_t i, const auto& work) {
@@ -344,7 +368,9 @@ DialResult measure_builds(const Dial& dial, const Session& session, double budge
     size_t base = base_of(dial, result.settings);
     const std::vector<size_t> order = order_of(dial, base);
     Rounds rounds(dial.settings.size(), base);
-    Errors errors(result, session, scenes);
+    const double tolerance =
+        result.settings[base].refused.empty() ? build_settings(scenes[base], session.frame).tolerance : 0.0;
+    Errors errors(result, session, scenes, tolerance);
     BuildStats own, by_tolerance;
     bool chosen = false;
     double coarser = 0.0; // wall seconds of a coarser setting: finer ones take at least as long
@@ -368,7 +394,19 @@ DialResult measure_builds(const Dial& dial, const Session& session, double budge
         rounds.add(i, seconds_of(dial, stats));
         if (dial.settings[i].own) own = stats.build;
         if (dial.settings[i].by_tolerance) by_tolerance = stats.build, chosen = true;
-        errors.add(i, std::move(world));
+        if (dial.without_contact.empty()) {
+            errors.add(i, std::move(world));
+            continue;
+        }
+        World before_contact;
+        if (attempt(i, [&] {
+                std::vector<std::string> changes = changes_of(i);
+                changes.insert(changes.end(), dial.without_contact.begin(), dial.without_contact.end());
+                Shot scene = load_with(session.request, limit_of(i).stop(), changes);
+                FrameStats untimed;
+                before_contact = build(scene, dial, session, limit_of(i).stop(), untimed);
+            }))
+            errors.add(i, std::move(world), std::move(before_contact));
     }
     errors.finish(finest_measured(dial, rounds, base));
     const double round = wall_seconds() - begin;

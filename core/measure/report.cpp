@@ -225,6 +225,28 @@ std::string counts(const Measurement& m) {
 
 std::string number(double value) { return value == 0.0 ? "0" : fmt::format("{:.3g}", value); }
 
+std::string percent(double share) { return number(100.0 * share) + " %"; }
+
+// What the columns mean.
+std::vector<std::string> column_help(const Measurement& m) {
+    std::vector<std::string> lines;
+    const auto any = [&](auto&& which) { return std::ranges::any_of(m.dials, which); };
+    if (any([](const DialResult& result) { return result.dial.error == DialError::pose; }))
+        lines.emplace_back(
+            "error: root mean square over the strands of the farthest CV from the reference, as a "
+            "share of the strand's length. worst: the strand that is farthest off.");
+    if (any([](const DialResult& result) { return result.dial.counts_crossing; }))
+        lines.emplace_back(
+            "contact: its worst is a strand that touches a mesh in one setting and passes it, or "
+            "passes it on the other side, in the reference. No tolerance bounds that distance.");
+    if (any([](const DialResult& result) { return !result.dial.without_contact.empty(); }))
+        lines.emplace_back(
+            "beyond: share of the strands that are, after contact, farther than the tolerance from "
+            "the reference. Contact branches: a strand slides off a mesh to one side or the other. "
+            "So the tolerance bounds each stage from the same input, not the sum of all stages.");
+    return lines;
+}
+
 } // namespace
 
 void mark_front(DialResult& result) {
@@ -251,9 +273,10 @@ std::string to_table(const Measurement& m) {
     for (const DialResult& result : m.dials) {
         const Dial& dial = result.dial;
         out += fmt::format("\n{}: {}\n", dial.name, dial.explain);
-        out += fmt::format("  {:<14} {:>10} {:>8} {:>10} {:>10}{} {:>7}\n", "setting",
+        out += fmt::format("  {:<14} {:>10} {:>8} {:>10} {:>10}{}{} {:>7}\n", "setting",
                            dial.time == "strands and BVH" ? "ms" : dial.time + " ms", "ratio", "error",
-                           "worst", dial.counts_crossing ? "  crossed" : "", "rounds");
+                           "worst", dial.counts_crossing ? "  crossed" : "",
+                           dial.without_contact.empty() ? "" : "   beyond", "rounds");
         for (size_t i = 0; i < result.settings.size(); ++i) {
             const SettingResult& s = result.settings[i];
             if (!s.refused.empty()) {
@@ -263,27 +286,30 @@ std::string to_table(const Measurement& m) {
             out += fmt::format("  {:<14} {:>10.4g} {:>8.3g} {:>10} {:>10}", dial.settings[i].label,
                                1e3 * s.seconds, s.ratio, number(s.error), number(s.worst));
             if (dial.counts_crossing) out += fmt::format(" {:>8}", s.crossing);
+            if (!dial.without_contact.empty()) out += fmt::format(" {:>8}", percent(s.beyond));
             out += fmt::format(" {:>7}  {}\n", s.rounds, marks(result, i));
         }
         if (!result.rule.empty()) out += "  " + result.rule + "\n";
     }
+    for (const std::string& line : column_help(m)) out += "\n" + line + "\n";
     out += "\nLeft out:\n";
     for (const std::string& why : m.left_out) out += "  " + why + "\n";
     return out;
 }
 
 std::string to_csv(const Measurement& m) {
-    std::string out =
-        "dial,setting,timed,seconds,ratio,error,worst,unit,crossed,rounds,own,reference,front,refused\n";
+    std::string out = "dial,setting,timed,seconds,ratio,error,worst,unit,crossed,rounds,own,reference,front,"
+                      "refused,beyond\n";
     for (const DialResult& result : m.dials)
         for (size_t i = 0; i < result.settings.size(); ++i) {
             const SettingResult& s = result.settings[i];
             const DialSetting& setting = result.dial.settings[i];
-            out += fmt::format(
-                "{},{},{},{:.9g},{:.9g},{:.9g},{:.9g},{},{},{},{},{},{},{}\n", field(result.dial.name),
-                field(setting.label), field(result.dial.time), s.seconds, s.ratio, s.error, s.worst,
-                error_unit(result.dial.error), result.dial.counts_crossing ? std::to_string(s.crossing) : "",
-                s.rounds, int(setting.own), int(is_reference(result, i)), int(s.front), field(s.refused));
+            out += fmt::format("{},{},{},{:.9g},{:.9g},{:.9g},{:.9g},{},{},{},{},{},{},{},{}\n",
+                               field(result.dial.name), field(setting.label), field(result.dial.time),
+                               s.seconds, s.ratio, s.error, s.worst, error_unit(result.dial.error),
+                               result.dial.counts_crossing ? std::to_string(s.crossing) : "", s.rounds,
+                               int(setting.own), int(is_reference(result, i)), int(s.front), field(s.refused),
+                               result.dial.without_contact.empty() ? "" : fmt::format("{:.9g}", s.beyond));
         }
     return out;
 }
@@ -315,26 +341,29 @@ std::string to_html(const Measurement& m) {
         const Dial& dial = result.dial;
         out += fmt::format(
             "<h2>{}</h2>\n<p>{}</p>\n{}<table>\n<tr><th>setting</th><th>{} (ms)</th><th>ratio</th>"
-            "<th>{}</th><th>worst</th>{}<th>rounds</th><th></th></tr>\n",
+            "<th>{}</th><th>worst</th>{}{}<th>rounds</th><th></th></tr>\n",
             escaped(dial.name), escaped(dial.explain), svg(result), escaped(dial.time),
-            escaped(error_name(dial)), dial.counts_crossing ? "<th>strands crossed</th>" : "");
+            escaped(error_name(dial)), dial.counts_crossing ? "<th>strands crossed</th>" : "",
+            dial.without_contact.empty() ? "" : "<th>beyond</th>");
         for (size_t i = 0; i < result.settings.size(); ++i) {
             const SettingResult& s = result.settings[i];
             out += fmt::format("<tr{}><td>{}</td>", dial.settings[i].own ? " class=\"own\"" : "",
                                escaped(dial.settings[i].label));
             if (!s.refused.empty()) {
-                out += fmt::format("<td colspan=\"{}\">{}</td></tr>\n", dial.counts_crossing ? 7 : 6,
-                                   escaped(s.refused));
+                const bool more = dial.counts_crossing || !dial.without_contact.empty();
+                out += fmt::format("<td colspan=\"{}\">{}</td></tr>\n", more ? 7 : 6, escaped(s.refused));
                 continue;
             }
             out += fmt::format("<td>{:.4g}</td><td>{:.3g}</td><td>{}</td><td>{}</td>", 1e3 * s.seconds,
                                s.ratio, number(s.error), number(s.worst));
             if (dial.counts_crossing) out += fmt::format("<td>{}</td>", s.crossing);
+            if (!dial.without_contact.empty()) out += fmt::format("<td>{}</td>", percent(s.beyond));
             out += fmt::format("<td>{}</td><td>{}</td></tr>\n", s.rounds, marks(result, i));
         }
         out += "</table>\n";
         if (!result.rule.empty()) out += fmt::format("<p>{}</p>\n", escaped(result.rule));
     }
+    for (const std::string& line : column_help(m)) out += fmt::format("<p>{}</p>\n", escaped(line));
     out += "<h2>Left out</h2>\n<ul>\n";
     for (const std::string& why : m.left_out) out += fmt::format("<li>{}</li>\n", escaped(why));
     return out + "</ul>\n</body></html>\n";

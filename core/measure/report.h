@@ -12,12 +12,15 @@
 namespace marram {
 
 struct SettingResult {
-    std::string refused;   // why it could not be measured; "" if it was
-    double seconds = 0.0;  // ratio times the base's median
-    double ratio = 0.0;    // of times to the base's: median over the rounds
-    double error = 0.0;    // root mean square; of motion: 99th percentile of the strands
-    double worst = 0.0;    // maximum over strands, vertices or pixels
-    double most = 0.0;     // of poses: 99th percentile of the strands, metres
+    std::string refused;  // why it could not be measured; "" if it was
+    double seconds = 0.0; // ratio times the base's median
+    double ratio = 0.0;   // of times to the base's: median over the rounds
+    double error = 0.0;   // root mean square; of motion: 99th percentile of the strands
+    double worst = 0.0;   // maximum over strands, vertices or pixels
+    double most = 0.0;    // of poses: 99th percentile of the strands, metres
+    double beyond =
+        0.0; // of dials without_contact: fraction of strands that are, after contact, farther than the
+             // tolerance from the reference
     uint64_t crossing = 0; // strands that cross a mesh
     int rounds = 0;
     bool front = false; // no other setting is both faster and more exact

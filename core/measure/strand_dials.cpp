@@ -129,8 +129,8 @@ Dial numeric_dial(const Shot& shot, Dial dial, const std::string& key, const std
 Dial cvs(const Shot& shot) {
     Dial dial{"cvs",
               "Control vertices a strand. Error against the most: the largest distance of a CV from the "
-              "polygon of the "
-              "finest.",
+              "polygon of the finest. Other numbers than the scene's own are set with "
+              "wind.reference_segments, so that they show the same pose.",
               "strands and BVH",
               DialError::pose,
               false,
@@ -147,7 +147,10 @@ Dial cvs(const Shot& shot) {
         authored = set_in_grooms(shot, "wind.reference_segments",
                                  std::to_string(own > 0 ? own - 1 : 7)); // 7: the groom's default
     NumberedSettings settings;
-    for (const double n : sweep_of(shot, "cvs")) {
+    std::vector<double> counts = sweep_of(shot, "cvs");
+    counts.push_back(2.0 * (counts.back() - 1.0) +
+                     1.0); // the reference is finer than what is compared with it
+    for (const double n : counts) {
         std::vector<std::string> changes = set_in_grooms(shot, "cvs", fmt::format("{}", n));
         changes.insert(changes.end(), authored.begin(), authored.end());
         settings.emplace_back(n, DialSetting{fmt::format("{}", n), changes, false, 0});
@@ -155,8 +158,8 @@ Dial cvs(const Shot& shot) {
     if (own > 0) add_own(settings, own, std::to_string(own));
     dial.settings = settings_of(std::move(settings));
     dial.reference = dial.settings.size() - 1;
-    dial.law = [](double n) { return 1.0 / (n - 1.0); };
-    dial.law_words = "falls with the number of segments";
+    dial.law = [](double n) { return 1.0 / ((n - 1.0) * (n - 1.0)); };
+    dial.law_words = "falls with the square of the number of segments";
     dial.settings.push_back(tolerance_setting(own == 0, set_in_grooms(shot, "cvs", "0")));
     dial.settings.back().changes.insert(dial.settings.back().changes.end(), authored.begin(), authored.end());
     dial.weight = 4.0;
@@ -201,17 +204,16 @@ Dial motion_keys(uint32_t own) { // 0: chosen by the tolerance
 }
 
 Dial tolerance(const Shot& shot) {
-    Dial dial{
-        "tolerance",
-        "What the scene allows approximations to be off by: jiggle's window and step, octaves, rays and CVs "
-        "that are left to it, how far drawn curves "
-        "may dip "
-        "into meshes. Error against a sixty-fourth of it.",
-        "strands",
-        DialError::pose,
-        false,
-        {},
-        0};
+    Dial dial{"tolerance",
+              "What each approximation may be off by, for 99 strands in 100: jiggle's window and step, "
+              "octaves, rays "
+              "and CVs that are left to it; and how far drawn curves may dip into meshes. Error against a "
+              "sixty-fourth of it.",
+              "strands",
+              DialError::pose,
+              false,
+              {},
+              0};
     const bool pixels = shot.description.globals.has("tolerance_pixels");
     const std::string key = pixels ? "tolerance_pixels" : "tolerance";
     const double own = shot.description.globals.number(key);
@@ -227,7 +229,19 @@ Dial tolerance(const Shot& shot) {
 
 } // namespace
 
+namespace {
+
+bool collides(const Shot& shot) {
+    return std::ranges::any_of(shot.description.procedurals, [&](const Item& groom) {
+        const ParamValue* solver = wind_value(shot, groom, "collision.solver");
+        return solver && solver->text != "none";
+    });
+}
+
+} // namespace
+
 void add_strand_dials(const Shot& shot, DialList& list) {
+    const size_t first = list.dials.size();
     const SceneDescription& description = shot.description;
     const auto leave_out = [&](const std::string& why) { list.left_out.push_back(why); };
     const auto grows = [&](const Item& item) { return declares(shot, item, "wind.collision.solver"); };
@@ -291,6 +305,12 @@ void add_strand_dials(const Shot& shot, DialList& list) {
         list.dials.push_back(octaves(shot, int(own)));
     else if (strands)
         leave_out("octaves: the noise has one octave, or not the same number in all grooms");
+    if (!collides(shot)) return;
+    for (size_t i = first; i < list.dials.size(); ++i)
+        if (Dial& dial = list.dials[i]; dial.error == DialError::pose && dial.name != "contact") {
+            dial.without_contact = set_in_grooms(shot, "wind.collision.solver", "\"none\"");
+            dial.explain += " Errors are those before contact.";
+        }
 }
 
 } // namespace marram

@@ -130,6 +130,84 @@ int segments_of_shape(const Groom& groom) {
     return int(std::clamp(std::ceil(6.0 * turns), 2.0, 999.0));
 }
 
+// Errors at doubling segment counts, as a function of any count.
+class SegmentErrors {
+  public:
+    // distances: [level], from `least << level` segments to twice the last of them
+    SegmentErrors(const std::vector<double>& distances, int least) : least_(least) {
+        const size_t levels = distances.size();
+        // The power by which the error falls. The finest has an error, too: with it, distances fall faster than
+        // errors at the last levels.
+        const auto power = [&](size_t level) {
+            if (level + 1 >= levels || !(distances[level + 1] > 0.0)) return 1.0;
+            return std::clamp(std::log2(distances[level] / distances[level + 1]), 1.0, 2.0);
+        };
+        for (size_t level = 0; level < levels; ++level) {
+            powers_.push_back(power(levels > 2 ? std::min(level, levels - 3) : 0));
+            errors_.push_back(distances[level] /
+                              (1.0 - std::pow(2.0, -powers_.back() * double(levels - level))));
+        }
+    }
+    double at(int segments) const {
+        size_t level = 0;
+        while (level + 1 < errors_.size() && least_ << (level + 1) <= segments) ++level;
+        return errors_[level] * std::pow(double(least_ << level) / segments, powers_[level]);
+    }
+
+  private:
+    int least_;
+    std::vector<double> errors_, powers_;
+};
+
+// The same distances of strands that jiggle, in gusts, on a static skin: while they swing, few CVs show less of their
+// shape than at rest. Raises `distances` where these are greater.
+void measure_jiggle(const PilotGroom& pilot, std::span<const double> moments, int least,
+                    std::vector<double>& distances) {
+    const RootSample some(pilot, 200); // so that two of them are beyond the 99th percentile
+    const auto levels = int(distances.size());
+    const int finest = least << levels;
+    for (const double moment : moments) {
+        MarramFrame frame = pilot.frame;
+        const double time = frame.bind_frame + moment;
+        frame.frame = time, frame.times = &time, frame.time_count = 1;
+        const double length = pilot.instance_scale * longest_strand(pilot.groom);
+        const auto pose = [&](int segments) {
+            const auto lay_out = [&](const Wind& wind, Strands& out) {
+                expand(pilot.groom, wind, {pilot.bind, pilot.bind}, some.roots, out, some.guides());
+                scale_strands(out, pilot.instance_scale);
+            };
+            const JigglePilot swinging{pilot.wind,
+                                       frame,
+                                       &pilot.skin,
+                                       pilot.groom.envelope,
+                                       pilot.groom.basis,
+                                       length,
+                                       tolerance_of(pilot),
+                                       everywhere(),
+                                       some.roots.size(),
+                                       segments + 1,
+                                       false,
+                                       lay_out};
+            Jiggle jiggle = *pilot.wind.jiggle;
+            jiggle.step = default_jiggle_step;
+            const JiggleWindow window =
+                jiggle_window(jiggle, {&time, 1}, frame.fps, 2.0 * length, frame.tolerance);
+            Strands strands;
+            strands.resize(int(some.roots.size()), segments + 1, false);
+            return window.count() > 0 ? jiggled(swinging, jiggle.step, window, strands)
+                                      : WideVector<Wide3f>{};
+        };
+        const WideVector<Wide3f> fine = pose(finest);
+        if (fine.empty()) continue; // before jiggle.start_frame
+        for (int level = 0; level < levels; ++level) {
+            const int segments = least << level;
+            double& distance = distances[size_t(level)];
+            distance = std::max(distance, polygon_error(pose(segments), fine, some.roots.size(),
+                                                        size_t(segments), size_t(finest / segments)));
+        }
+    }
+}
+
 } // namespace
 
 Choice cvs_for(const PilotGroom& pilot) {
@@ -141,8 +219,7 @@ Choice cvs_for(const PilotGroom& pilot) {
     while (levels > 1 && least << levels > 1024) --levels;
     const int finest = least << levels;
     const RootSample some(pilot, 171);
-    std::vector<double> error_times_segments(
-        static_cast<size_t>(levels)); // error times segments, measured at each level
+    std::vector<double> distances(static_cast<size_t>(levels)); // of each level from the finest
     Strands strands;
     for (const double moment : moments) {
         const double frame = pilot.frame.bind_frame + moment;
@@ -151,16 +228,15 @@ Choice cvs_for(const PilotGroom& pilot) {
         for (int level = 0; level < levels; ++level) {
             const int segments = least << level;
             bend_sample(pilot, some, frame, segments + 1, strands);
-            const double apart = polygon_error(strands.pose, fine, some.roots.size(), size_t(segments),
-                                               size_t(finest / segments));
-            double& seen = error_times_segments[size_t(level)];
-            seen = std::max(seen, apart / (1.0 / segments - 1.0 / finest)); // the finest has an error, too
+            double& distance = distances[size_t(level)];
+            distance = std::max(distance, polygon_error(strands.pose, fine, some.roots.size(),
+                                                        size_t(segments), size_t(finest / segments)));
         }
     }
+    if (pilot.wind.jiggle) measure_jiggle(pilot, moments, least, distances);
+    const SegmentErrors errors(distances, least);
     for (int segments = least; segments <= most_segments; ++segments) {
-        size_t level = 0;
-        while (level + 1 < error_times_segments.size() && least << (level + 1) <= segments) ++level;
-        if (safety_factor * error_times_segments[level] <= tolerance * segments &&
+        if (safety_factor * errors.at(segments) <= tolerance &&
             pilot.instance_scale * width_error(pilot.groom, segments) <= tolerance)
             return {double(segments + 1), true};
     }

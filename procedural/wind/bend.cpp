@@ -8,6 +8,13 @@
 //     f = 1 - (1 - clamp(global_rotate ramp(u_k) e_k))^(reference |segment k| / L)
 //     Q = the shortest-arc rotation from a onto b, its angle scaled by f; Q rotates all beyond P_k about P_k
 //
+// Without reference_segments that is the talk to the letter: the turn of each segment happens at its start, so the
+// pose depends on the number of segments. With them, turns are those of a smooth bend whose pose is the limit of
+// many segments: the turn at P_k stands for the strand from the middle of segment k - 1 to the middle of segment k
+// (|segment k| is replaced by that length; at the root, by half of segment 0). So segment k points as the bend does
+// at its middle, and the error of the pose falls with the square of the number of segments instead of its first
+// power.
+//
 // Rotating the rest of the curve at each k is O(n^2). But all rotations act on the same rigid rest curve, so
 // only their product is needed: R_k = Q_k R_{k-1}, segment k of the result is R_k d_k with d_k the rest
 // segment, and a = R_{k-1} (rest tip - rest P_k). One quaternion is carried; one Newton step a segment
@@ -168,17 +175,23 @@ struct BlockView { // one block of a Strands
     VDouble* factors;    // [cvs - 1]
 };
 
-// The fraction of its angle that each segment turns by. Nothing here depends on the previous segment, so the
+// The fraction of its angle that the strand turns by at each segment's start. With reference_segments, the turn
+// stands for the strand from the middle of the segment before to the middle of this one (derived above). Nothing here depends on the previous segment, so the
 // CPU can overlap the iterations; inside the loop of bend_block it could not.
 MARRAM_HOT void turn_factors(const Wind& wind, const BlockView& block) {
     const int last = block.cvs - 1;
     const VDouble length = block.arc[last];
     const VDouble per_length = select(length > 0.0, 1.0 / select(length > 0.0, length, 1.0), 0.0);
-    const double reference = wind.reference_segments > 0 ? wind.reference_segments : last;
+    const bool centred = wind.reference_segments > 0;
+    const double reference = centred ? wind.reference_segments : last;
     for (int k = 0; k < last; ++k) {
         VDouble f = evaluate(wind.ramp_rotate, block.arc[k] * per_length) * to_double(block.envelope[k]);
         f = vmin(vmax(f * wind.global_rotate, VDouble{}), 1.0);
-        block.factors[k] = compounded(f, (block.arc[k + 1] - block.arc[k]) * per_length * reference);
+        const VDouble own = block.arc[k + 1] - block.arc[k];
+        const VDouble span = !centred ? own
+                             : k == 0 ? own * 0.5
+                                      : (block.arc[k + 1] - block.arc[k - 1]) * 0.5;
+        block.factors[k] = compounded(f, span * per_length * reference);
     }
 }
 

@@ -28,8 +28,8 @@ constexpr std::array own_params = {
                 "advance of the noise sample point along the wind per length of strand; larger: more ripples "
                 "on a strand"},
     MarramParam{"reference_segments", MARRAM_INTEGER, "", "0", 0, 100000, "",
-                "number of segments for which the turn is defined, so that it does not depend on cvs; 0: "
-                "those of the strand (7 if cvs = 0)"},
+                "number of segments for which the turn is defined, so that the pose does not depend on cvs: it "
+                "converges with their square; 0: those of the strand, as in the talk (7 if cvs = 0)"},
     MarramParam{"noise.type", MARRAM_CHOICE, "", "perlin", -largest_wind_input, largest_wind_input,
                 "perlin|billow|wavelet", "kind of noise field"},
     MarramParam{"noise.amplitude", MARRAM_NUMBER, "", "0.5", 0, 1e6, "",

@@ -9,7 +9,7 @@ namespace marram::oracle {
 
 std::vector<double> bend_factors(const std::vector<Vec3d>& rest, const Bend& bend) {
     const size_t segments = rest.size() - 1;
-    double length = 0.0, before = 0.0;
+    double length = 0.0, before = 0.0, last = 0.0;
     for (size_t k = 0; k < segments; ++k) length += (rest[k + 1] - rest[k]).stableNorm();
     std::vector<double> factors(segments, 0.0);
     if (!(length > 0.0)) return factors;
@@ -18,10 +18,12 @@ std::vector<double> bend_factors(const std::vector<Vec3d>& rest, const Bend& ben
         const double envelope = bend.envelope.empty() ? 1.0 : bend.envelope[k];
         const double f =
             std::clamp(bend.global_rotate * bend.ramp_rotate(before / length) * envelope, 0.0, 1.0);
+        const double span = bend.own_spans ? own : 0.5 * (last + own);
         factors[k] = bend.reference_segments > 0.0
-                         ? 1.0 - std::pow(1.0 - f, bend.reference_segments * own / length)
+                         ? 1.0 - std::pow(1.0 - f, bend.reference_segments * span / length)
                          : f;
         before += own;
+        last = own;
     }
     return factors;
 }

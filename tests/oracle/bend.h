@@ -4,7 +4,8 @@
 //
 // At P_k of the partly bent curve, Q rotates P_tip - P_k onto w + noise_k; its angle is scaled by f_k.
 // O(n^2). f_k = clamp(global_rotate * ramp_rotate(u_k) * e_k, 0, 1), u_k = s_k / L of the rest curve. If
-// reference_segments is given, f_k is replaced by 1 - (1 - f_k)^(reference_segments |segment k| / L).
+// reference_segments is given, f_k is replaced by 1 - (1 - f_k)^(reference_segments span_k / L), with span_k the
+// length from the middle of segment k - 1 to that of segment k, or |segment k| if `own_spans` is set.
 #pragma once
 
 #include "core/math/ramp.h"
@@ -21,6 +22,7 @@ struct Bend {
     double global_rotate = 1.0;
     Ramp ramp_rotate;
     double reference_segments = 0.0; // 0: f_k unchanged, exactly the talk
+    bool own_spans = false;          // segments of unequal length, with no other reference than their number
 };
 
 // The factor of each of the n - 1 segments.

@@ -56,6 +56,7 @@ double against_oracle(const Wind& wind, const Curve& rest, const Curve& pose, do
     reference.ramp_rotate = wind.ramp_rotate;
     reference.envelope.assign(rest.size(), envelope);
     reference.reference_segments = double(rest.size() - 1);
+    reference.own_spans = true;
     const Curve right = oracle::bend_curve(rest, reference);
     const double allowed =
         1e-5 * length_of(rest) + 0x1p-22 * std::max(largest(rest), largest(pose)) + 1e-45; // smallest float

@@ -5,6 +5,7 @@
 #include "program.h"
 
 #include <algorithm>
+#include <limits>
 
 namespace marram::testing {
 namespace {
@@ -91,15 +92,20 @@ TEST(Measure, turns_every_dial_of_a_scene) {
     // Finer is better, for dials where this is known.
     for (const std::string name : {"cvs", "samples", "octaves"}) {
         const std::vector<Row>& rows = dials.at(name);
-        for (size_t i = 1; i < rows.size() && rows[i].at("setting") != "by the tolerance"; ++i)
-            EXPECT_LT(number(rows[i], "error"), number(rows[i - 1], "error")) << name << " " << i;
+        double coarser = std::numeric_limits<double>::infinity();
+        for (size_t i = 0; i < rows.size() && rows[i].at("setting") != "by the tolerance"; ++i) {
+            if (name == "cvs" && rows[i].at("own") == "1")
+                continue; // without reference_segments: another pose
+            EXPECT_LT(number(rows[i], "error"), coarser) << name << " " << i;
+            coarser = number(rows[i], "error");
+        }
     }
     const std::vector<Row>& contact = dials.at("contact");
     EXPECT_EQ(contact[0].at("setting"), "exact");
     EXPECT_EQ(contact[0].at("crossed"), "0");
     EXPECT_GT(number(contact[1], "crossed"), 0.0) << "without collision the wind blows grass into the ground";
-    for (const std::string law : {"falls with the number of segments", "falls with the number of rays",
-                                  "grows with the square of the step"})
+    for (const std::string law : {"falls with the square of the number of segments",
+                                  "falls with the number of rays", "grows with the square of the step"})
         EXPECT_CONTAINS(done.out, "Rule: the error " + law);
     EXPECT_CONTAINS(done.out, "The tolerance chose grass.cvs = ");
     const std::string page = read_file(folder / "report/measure.html");
@@ -122,7 +128,8 @@ TEST(Measure, says_what_the_tolerance_chose_and_how_well_it_holds) {
     ASSERT_NE(own, rows.end());
     EXPECT_EQ(own->at("setting"), "by the tolerance");
     EXPECT_LE(number(*own, "error"), 0.5);
-    EXPECT_CONTAINS(done.out, "Rule: the error falls with the square of the keys less one; measured errors are");
+    EXPECT_CONTAINS(done.out,
+                    "Rule: the error falls with the square of the keys less one; measured errors are");
     EXPECT_CONTAINS(done.out, "The tolerance, 0.5 pixels, chose");
     EXPECT_CONTAINS(read_file(folder / "report/measure.html"), "The tolerance, 0.5 pixels, chose");
 }

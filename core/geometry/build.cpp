@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <bit>
 #include <numeric>
+#include <utility>
 
 namespace marram {
 namespace {
@@ -145,6 +146,29 @@ uint32_t chosen_motion_keys(SceneGeometry& geometry, const BuildSettings& settin
     return most;
 }
 
+namespace {
+
+// Warnings that all procedurals that make curves have sent.
+void take_common_warnings(Build& build) {
+    std::vector<std::string> common;
+    bool first = true;
+    for (const auto& procedural : build.geometry.procedurals) {
+        if (procedural->kind() != MARRAM_CURVES) continue;
+        const std::vector<std::string> sent = procedural->take_common_warnings();
+        if (std::exchange(first, false))
+            common = sent;
+        else
+            std::erase_if(common, [&](const std::string& warning) {
+                return std::ranges::find(sent, warning) == sent.end();
+            });
+    }
+    for (std::string& warning : common)
+        if (std::ranges::find(build.stats.warnings, warning) == build.stats.warnings.end())
+            build.stats.warnings.push_back(std::move(warning));
+}
+
+} // namespace
+
 World build_world(SceneGeometry& geometry, const BuildSettings& settings, const std::atomic<bool>& cancel,
                   BuildProgress& progress, BuildStats& stats, KeptGeometry kept) {
     Build build{geometry, settings, cancel, progress, stats, kept};
@@ -171,6 +195,7 @@ World build_world(SceneGeometry& geometry, const BuildSettings& settings, const 
     world.bounds = Box3f(Vec3f(bounds.lower_x, bounds.lower_y, bounds.lower_z),
                          Vec3f(bounds.upper_x, bounds.upper_y, bounds.upper_z));
     for (const auto& procedural : geometry.procedurals) take_warnings(build, *procedural); // from pose()
+    take_common_warnings(build);
     world.curve_buffers = std::move(build.curves);
     return std::move(build.world);
 }

@@ -48,6 +48,7 @@ struct BuildSettings {
     double shutter_open = 0.0, shutter_close = 0.0; // frames, relative to `frame`; open <= close
     uint32_t motion_keys = 2; // 2 ... 64, used if open < close; 0: the tolerance chooses for each geometry
     double bind_frame = 1.0;
+    Vec2d shot_frames = Vec2d::Zero(); // first and last frame of the shot; equal: not known
     MarramStage stage = MARRAM_FINAL;
     // Metres: at view.reference_depth, or anywhere if that is 0. 0: the default of each procedural (strands: a
     // thousandth of their length).

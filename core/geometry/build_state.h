@@ -7,6 +7,7 @@
 #include "core/geometry/device.h"
 #include "core/math/clock.h"
 
+#include <algorithm>
 #include <map>
 
 namespace marram {
@@ -64,8 +65,9 @@ void prepare(Build& build, Procedural& procedural, const MarramFrame& frame);
 
 // Moves a procedural's warnings to the build's statistics.
 inline void take_warnings(Build& build, Procedural& procedural) {
-    for (std::string& warning : procedural.take_warnings())
-        build.stats.warnings.push_back(std::move(warning));
+    std::vector<std::string>& warnings = build.stats.warnings;
+    for (std::string& warning : procedural.take_warnings()) // grooms that share a wind share its warnings
+        if (std::ranges::find(warnings, warning) == warnings.end()) warnings.push_back(std::move(warning));
 }
 
 // ---- build_meshes.cpp

@@ -31,6 +31,7 @@ MarramFrame plain_frame(const Build& build, const std::vector<double>& times) {
     frame.fps = settings.fps;
     frame.frame = settings.frame;
     frame.bind_frame = settings.bind_frame;
+    frame.shot_first = settings.shot_frames.x(), frame.shot_last = settings.shot_frames.y();
     frame.time_count = uint32_t(times.size());
     frame.times = times.data();
     frame.stage = settings.stage;
@@ -111,6 +112,7 @@ void LentGeometry::lend_mesh(uint32_t id) {
     lent.grid_stride = sizeof(MarramGrid);
     lent.topology = mesh.topology;
     const std::vector<SceneMesh>& drawn = build_.geometry.meshes;
+    lent.moves = lent.time_count > 1 || (id < drawn.size() && drawn[id].moves()) ? 1 : 0;
     if (id < drawn.size() && drawn[id].instance_of) {
         const auto object = uint32_t(drawn[id].instance_of - drawn.data());
         const auto same = std::ranges::find(meshes_, object, &MarramMesh::geometry_id);

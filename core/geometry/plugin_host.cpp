@@ -187,7 +187,10 @@ void Procedural::on_message(void* user, const MarramMessage* message) {
                                                  joined(what, remedy));
             std::fputs(line.c_str(), stderr);
         } else {
-            procedural.warnings_.push_back(where + ": " + joined(what, remedy));
+            std::vector<std::string>& list = message->severity == MARRAM_COMMON_WARNING
+                                                 ? procedural.common_warnings_
+                                                 : procedural.warnings_;
+            list.push_back(where + ": " + joined(what, remedy));
         }
     } catch (...) {
         procedural.thrown_ = std::current_exception();
@@ -283,11 +286,11 @@ std::vector<std::pair<std::string, double>> Procedural::report() {
     return entries;
 }
 
-std::string Procedural::describe() {
+std::string Procedural::text_of(MarramStatus (*call)(MarramInstance*, void (*)(void*, const char*), void*)) {
     std::string text;
-    if (!type_->calls.describe) return text;
+    if (!call) return text;
     forget_faults();
-    check(type_->calls.describe(
+    check(call(
         instance_,
         [](void* user, const char* piece) {
             if (piece) *static_cast<std::string*>(user) += piece;
@@ -296,9 +299,18 @@ std::string Procedural::describe() {
     return text;
 }
 
+std::string Procedural::describe() { return text_of(type_->calls.describe); }
+
+std::string Procedural::summarize() { return text_of(type_->calls.summarize); }
+
 std::vector<std::string> Procedural::take_warnings() {
     const std::lock_guard lock(messages_lock_);
     return std::exchange(warnings_, {});
+}
+
+std::vector<std::string> Procedural::take_common_warnings() {
+    const std::lock_guard lock(messages_lock_);
+    return std::exchange(common_warnings_, {});
 }
 
 void Procedural::store_exception(std::exception_ptr thrown) {

@@ -74,9 +74,12 @@ class Procedural {
     std::vector<std::pair<std::string, double>> report();
     // Describes what it has generated since begin() as text of a scene; "" if nothing.
     std::string describe();
+    // What it does in the shot, in a few lines; "" if it does not say.
+    std::string summarize();
     std::vector<std::string> take_warnings();
     // Of the files that its values name, since the last call; one line each.
     std::vector<std::string> take_file_warnings() { return std::exchange(file_warnings_, {}); }
+    std::vector<std::string> take_common_warnings(); // see MARRAM_COMMON_WARNING
     // Takes the values of another description of the same procedural. `inputs` (MarramChange): what has
     // changed of the geometry that it depends on. Returns what has changed of its output. A procedural that
     // cannot update is created anew.
@@ -90,6 +93,7 @@ class Procedural {
     [[noreturn]] void refuse(const std::string& what, const std::string& fix) const;
 
   private:
+    std::string text_of(MarramStatus (*call)(MarramInstance*, void (*)(void*, const char*), void*));
     static void on_message(void* user, const MarramMessage* message);
     static int on_cancelled(void* user);
     static void on_progress(void* user, double share, const char* words);
@@ -115,7 +119,7 @@ class Procedural {
     std::exception_ptr thrown_; // of a host function that the procedural has called
     std::mutex messages_lock_;
     std::vector<Problem> faults_;
-    std::vector<std::string> warnings_, file_warnings_;
+    std::vector<std::string> warnings_, common_warnings_, file_warnings_;
 };
 
 } // namespace marram

@@ -148,6 +148,7 @@ typedef struct MarramMesh {
      * is not an instance itself, has the same triangles and comes before it. Strands on that mesh are
      * instanced with it. */
     uint32_t instance_of;
+    uint32_t moves; /* 1: its vertices differ at other frames, see MarramFrame.pose */
 } MarramMesh;
 
 typedef enum MarramBasis { MARRAM_BSPLINE = 0, MARRAM_CATMULL_ROM = 1, MARRAM_LINEAR = 2 } MarramBasis;
@@ -239,8 +240,14 @@ typedef struct MarramValues {
 /* ---- What the host provides ---------------------------------------------------------------------------- */
 
 /* Information is shown at once, warnings with their frame. A fault is the reason why a call returns
- * MARRAM_ERROR. */
-typedef enum MarramSeverity { MARRAM_INFO = 0, MARRAM_WARNING = 1, MARRAM_FAULT = 2 } MarramSeverity;
+ * MARRAM_ERROR. A common warning holds for the scene only if every instance that makes curves sends it in the same
+ * frame: one groom that no gust touches is no mistake. */
+typedef enum MarramSeverity {
+    MARRAM_INFO = 0,
+    MARRAM_WARNING = 1,
+    MARRAM_FAULT = 2,
+    MARRAM_COMMON_WARNING = 3
+} MarramSeverity;
 
 typedef struct MarramMessage {
     size_t size;
@@ -327,6 +334,7 @@ typedef struct MarramFrame { /* valid from begin until the frame's last call, re
      * rotation, a translation and a uniform scale other than 0. NULL if no mesh is an instance.
      */
     MarramStatus (*instance_transform)(void* pose_user, uint32_t mesh, double frame, double* matrix);
+    double shot_first, shot_last; /* frames of the shot; equal: not known. For messages only, never for the output */
 } MarramFrame;
 
 /* The camera, for making render meshes only. Interpolate linearly between samples. */
@@ -491,6 +499,10 @@ typedef struct MarramProcedural {
      * pasted into a scene file and edited. The sink is called for each piece of text; maybe never. */
     MarramStatus (*describe)(MarramInstance* instance, void (*sink)(void* user, const char* text),
                              void* user);
+    /* Says in a few lines of text what it does in the shot, after begin: for people who look at a scene. Instances
+     * that say the same are listed together. */
+    MarramStatus (*summarize)(MarramInstance* instance, void (*sink)(void* user, const char* text),
+                              void* user);
 } MarramProcedural;
 
 typedef struct MarramLibrary {

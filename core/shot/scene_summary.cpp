@@ -31,6 +31,22 @@ std::string mesh_reports(const Shot& shot, const Report& report) {
 
 } // namespace
 
+std::string summaries_of_procedurals(const Shot& shot) {
+    std::vector<std::pair<std::string, std::string>> texts; // text, names
+    for (const auto& procedural : shot.geometry.procedurals) {
+        const std::string text = procedural->summarize();
+        if (text.empty()) continue;
+        const auto same = std::ranges::find(texts, text, &std::pair<std::string, std::string>::first);
+        if (same == texts.end())
+            texts.emplace_back(text, procedural->name());
+        else
+            same->second += ", " + procedural->name();
+    }
+    std::string all;
+    for (const auto& [text, names] : texts) all += fmt::format("# {}\n{}", names, text);
+    return all;
+}
+
 std::string scene_summary(Shot& shot, const std::atomic<bool>& cancel) {
     std::string text;
     uint64_t triangles = 0;
@@ -73,6 +89,7 @@ std::string scene_summary(Shot& shot, const std::atomic<bool>& cancel) {
                             curves.offsets.empty() ? std::to_string(curves.cvs_per_curve)
                                                    : fmt::format("{} in all", curves.offsets.back()));
     text += mesh_reports(shot, stats.report);
+    text += summaries_of_procedurals(shot);
     const double keys = chosen_motion_keys(shot.geometry, settings, cancel, progress);
     // Embree's BVH over cubic segments, medium quality: bytes and thread seconds per segment and motion step.
     constexpr double bvh_bytes = 122.0, bvh_seconds = 2e-6;

@@ -41,6 +41,7 @@ BuildSettings build_settings(const Shot& shot, double frame) {
         const CameraPose& pose = camera.poses[i * last / looks];
         settings.view.later.emplace_back(pose.position, ahead(pose));
     }
+    settings.shot_frames = globals.vec2("frames");
     settings.state_folder = shot.state_folder;
     settings.tolerance = globals.number("tolerance");
     if (globals.has("tolerance_pixels")) {

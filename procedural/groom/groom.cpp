@@ -4,6 +4,7 @@
 #include "core/math/clock.h"
 #include "procedural/border.h"
 #include "procedural/groom/automatic_settings.h"
+#include "procedural/groom/covered_roots.h"
 #include "procedural/groom/groom_bounds.h"
 #include "procedural/groom/groom_instance.h"
 #include "procedural/groom/groom_output.h"
@@ -11,6 +12,7 @@
 #include "procedural/groom/guide_motion.h"
 #include "procedural/groom/rest_strands.h"
 #include "procedural/groom/strand_calls.h"
+#include "procedural/groom/wind_words.h"
 #include "procedural/parallel.h"
 
 #include <fmt/format.h>
@@ -51,6 +53,7 @@ ParsedValues parse_values(const MarramHost& host, const Values& given, std::span
     Wind& wind = parsed_values.wind = read_wind(given);
     warn_invisible_strands(host, given, groom);
     warn_of_ignored(host, given, groom);
+    warn_of_idle_wind(host, given, wind);
     parsed_values.automatic = {groom.cvs == 0,
                                wind.shielding && wind.shielding->spread > 0.0 && wind.shielding->rays == 0,
                                wind.jiggle && wind.jiggle->step == 0.0};
@@ -72,6 +75,7 @@ void apply_values(GroomInstance& instance, ParsedValues parsed_values) {
     instance.values_digest = parsed_values.values_digest;
     instance.chosen_for.reset();
     instance.gust_start = {};
+    instance.gusts_checked = false;
     instance.begun = false;
 }
 
@@ -219,6 +223,26 @@ MarramStatus guides_digest(const GroomInstance& instance, uint64_t& out) {
     return MARRAM_OK;
 }
 
+// Thins the roots where no guide is near.
+void leave_out_roots_beyond_guides(GroomInstance& instance, const Surface& bind) {
+    const size_t count = instance.roots.size();
+    const uint32_t seed = instance.groom.seed;
+    std::vector<char> beyond(count, false);
+    marram::parallel_for(tbb::blocked_range<size_t>(0, count, 4096), [&](const auto& range) {
+        for (size_t i = range.begin(); i < range.end(); ++i) {
+            const Root root = instance.roots[i];
+            const double density =
+                instance.guides->density_at(bind.point(root.triangle, root_weights(seed, root)));
+            beyond[i] = unit_double(root_hash(seed, root, Purpose::reach)) >= density;
+        }
+    });
+    size_t kept = 0;
+    for (size_t i = 0; i < count; ++i)
+        if (!beyond[i]) instance.roots[kept++] = instance.roots[i];
+    instance.roots.resize(kept);
+    warn_beyond_guides(instance, count - kept, count);
+}
+
 // Builds the guides in the bind pose, and each strand's blend of them.
 MarramStatus build_guides(GroomInstance& instance, const std::function<bool()>& cancelled) {
     instance.guides.reset();
@@ -250,6 +274,7 @@ MarramStatus build_guides(GroomInstance& instance, const std::function<bool()>& 
         settings, curves, vertices.data(), bind, instance.mesh->vertex_count, std::move(lines), cancelled);
     if (cancelled()) return MARRAM_CANCELLED;
     warn_of_guides(instance, instance.guides->binding());
+    leave_out_roots_beyond_guides(instance, bind);
     instance.blends.resize(instance.roots.size());
     marram::parallel_for(tbb::blocked_range<size_t>(0, instance.roots.size(), 256), [&](const auto& range) {
         if (cancelled()) return;
@@ -263,6 +288,63 @@ MarramStatus build_guides(GroomInstance& instance, const std::function<bool()>& 
     return cancelled() ? MARRAM_CANCELLED : MARRAM_OK;
 }
 
+// The meshes that can cover roots: none unless strands collide.
+std::vector<const MarramMesh*> covering_meshes_of(const GroomInstance& instance) {
+    if (!instance.wind.collision || !instance.groom.clear_of_meshes) return {};
+    return covering_meshes(instance.frame, instance.meshes, *instance.mesh);
+}
+
+// Leaves out the roots, and their blends of guides, that other meshes cover.
+MarramStatus leave_out_covered_roots(GroomInstance& instance, const std::function<bool()>& cancelled) {
+    instance.covered_roots = 0;
+    const std::vector<const MarramMesh*> covering = covering_meshes_of(instance);
+    instance.placed_covering_digest = digest_of_meshes(covering);
+    if (covering.empty() || instance.roots.empty()) return MARRAM_OK;
+    const RootCover cover(instance.frame.device, covering);
+    constexpr size_t batch = 512;
+    const size_t count = instance.roots.size();
+    std::vector<int> covered(count);
+    std::vector<Vec3f> starts(count);
+    Groom groom = instance.groom;
+    groom.cvs = 2; // only the first is looked at
+    const SkinPoses poses = instance.poses(0); // the mesh does not move
+    marram::parallel_for(size_t{0}, (count + batch - 1) / batch, [&](size_t b) {
+        if (cancelled()) return;
+        const size_t first = b * batch, size = std::min(batch, count - first);
+        const std::span<const Root> roots = std::span(instance.roots).subspan(first, size);
+        Strands strands;
+        strands.resize(int(size), groom.cvs, false);
+        const auto guided = instance.guided(first, size);
+        expand(groom, instance.wind, poses, roots, strands, guided ? &*guided : nullptr);
+        for (size_t i = 0; i < size; ++i) {
+            const Wide3f& start = strands.rest[i / lanes * size_t(groom.cvs)];
+            const auto lane = int(i % lanes);
+            starts[first + i] = Vec3f(start.x[lane], start.y[lane], start.z[lane]);
+            covered[first + i] =
+                cover.covered_by(poses.bind.point(roots[i].triangle, root_weights(groom.seed, roots[i])),
+                                 starts[first + i].cast<double>());
+        }
+    });
+    if (cancelled()) return MARRAM_CANCELLED;
+    std::vector<Cover> covers(covering.size());
+    size_t kept = 0;
+    for (size_t i = 0; i < count; ++i) {
+        if (covered[i] < 0) {
+            instance.roots[kept] = instance.roots[i];
+            if (!instance.blends.empty()) instance.blends[kept] = instance.blends[i];
+            ++kept;
+            continue;
+        }
+        Cover& by = covers[size_t(covered[i])];
+        if (by.roots++ == 0) by.mesh = cover.mesh(covered[i]).name, by.place = starts[i].cast<double>();
+    }
+    instance.roots.resize(kept);
+    if (!instance.blends.empty()) instance.blends.resize(kept);
+    instance.covered_roots = count - kept;
+    warn_of_covered_roots(instance, covers, count);
+    return MARRAM_OK;
+}
+
 // Keeps the roots if everything that places them is unchanged. On an evolving terrain they are placed again
 // in each frame. Whether a strand exists depends on its own hash, so most strands persist between frames.
 MarramStatus invalidate_roots_if_mesh_changed(GroomInstance& instance) {
@@ -270,7 +352,8 @@ MarramStatus invalidate_roots_if_mesh_changed(GroomInstance& instance) {
     uint64_t guides = 0;
     if (status == MARRAM_OK) status = guides_digest(instance, guides);
     if (status == MARRAM_OK &&
-        (mesh_digest(instance) != instance.placed_mesh_digest || guides != instance.placed_guides_digest))
+        (mesh_digest(instance) != instance.placed_mesh_digest || guides != instance.placed_guides_digest ||
+         digest_of_meshes(covering_meshes_of(instance)) != instance.placed_covering_digest))
         instance.placed = false;
     instance.mesh_may_differ = false;
     return status;
@@ -287,6 +370,8 @@ MarramStatus place(GroomInstance& instance) {
     warn_of_no_strands(instance);
     warn_of_tiles(instance);
     if (const MarramStatus status = build_guides(instance, cancelled); status != MARRAM_OK) return status;
+    if (const MarramStatus status = leave_out_covered_roots(instance, cancelled); status != MARRAM_OK)
+        return status;
     instance.placed = true;
     instance.mesh_may_differ = false;
     instance.placed_topology_digest = topology_digest(*instance.mesh);
@@ -296,6 +381,14 @@ MarramStatus place(GroomInstance& instance) {
         return status;
     instance.placing_seconds = wall_seconds() - begin;
     return MARRAM_OK;
+}
+
+// Whether the strands' roots move during the shot.
+bool skin_moves(const GroomInstance& instance) {
+    return instance.mesh->time_count > 1 || instance.mesh->moves != 0 ||
+           std::ranges::any_of(instance.mesh_instances, [](const MeshInstance& mesh_instance) {
+               return mesh_instance.moves() || mesh_instance.mesh->moves != 0;
+           });
 }
 
 MarramStatus begin(MarramInstance* opaque, const MarramFrame* frame, MarramOutput* out) {
@@ -378,6 +471,9 @@ MarramStatus begin(MarramInstance* opaque, const MarramFrame* frame, MarramOutpu
              instance.wind.collision ? bounds_of_strands(instance) : everywhere(),
              instance.wind.gusts ? bounds_at_rest(instance) : everywhere(), &instance.trees});
         warn_of_gusts(instance.host, instance.groom.mesh_place, instance.chain);
+        if (!instance.gusts_checked && !skin_moves(instance))
+            warn_of_untouching_gusts(instance.host, instance.wind, instance.frame, bounds_at_rest(instance));
+        instance.gusts_checked = true;
         warn_of_rounding(instance);
         warn_of_length(instance);
         announce_long_work(instance, instance.past.window.count());
@@ -393,6 +489,18 @@ MarramStatus begin(MarramInstance* opaque, const MarramFrame* frame, MarramOutpu
         output.shape = instance.groom.shape;
         fill_known_part(output, out);
         instance.begun = true;
+        return MARRAM_OK;
+    });
+}
+
+MarramStatus summarize(MarramInstance* opaque, void (*sink)(void*, const char*), void* user) {
+    if (!opaque) return MARRAM_ERROR; // no host to report to
+    const GroomInstance& instance = self(opaque);
+    return guarded(instance.host, [&] {
+        if (!sink) throw SceneFault("contract.null_sink", "", "the sink is NULL", "pass a function");
+        if (!instance.begun)
+            throw SceneFault("contract.no_frame", "", "no frame has begun", "call begin first");
+        sink(user, wind_summary(instance.wind, instance.frame, bounds_at_rest(instance)).c_str());
         return MARRAM_OK;
     });
 }
@@ -477,13 +585,15 @@ void report(MarramInstance* opaque, void (*sink)(void*, const char*, double), vo
     GroomInstance& instance = self(opaque);
     size_t scratch = 0;
     const CollisionCounts counts = report_chain(instance.workers, sink, user, scratch);
-    warn_of_collisions(instance.host, instance.groom.mesh_place, instance.time_count > 1, counts);
+    warn_of_collisions(instance.host, instance.groom.mesh_place, instance.mesh, instance.time_count > 1,
+                       counts);
     const Wind& wind = instance.wind;
     if (instance.automatic.cvs) sink(user, "chosen.cvs", instance.groom.cvs);
     if (instance.automatic.rays) sink(user, "chosen.shield_rays", wind.shielding->rays);
     if (instance.automatic.step && instance.past.window.count() > 0)
         sink(user, "chosen.jiggle_step", wind.jiggle->step);
     if (wind.noise.left_out > 0) sink(user, "chosen.octaves", wind.noise.octaves - wind.noise.left_out);
+    sink(user, "roots.covered", double(instance.covered_roots));
     sink(user, "seconds.place_roots", instance.placing_seconds);
     sink(user, "seconds.prepare_wind", instance.prepare_seconds);
     // The peak is the larger of the two: the candidates of placing are freed before the rest is allocated.
@@ -522,6 +632,7 @@ MarramProcedural groom_procedural() {
     procedural.report = report;
     procedural.destroy = destroy;
     procedural.update = update;
+    procedural.summarize = summarize;
     return procedural;
 }
 
@@ -553,6 +664,7 @@ std::span<const MarramReportEntry> groom_report_entries() {
             "sum of the angles by which segments turned towards their goals"),
         MarramReportEntry{"collision.reached", "1", MARRAM_RATIO, "collision.turned_angle",
                           "collision.goal_angle", "fraction of the goal angle that was reached"},
+        sum("roots.covered", "count", "roots left out because another mesh covers them (clear_of)"),
         sum("memory.curve_extra_bytes", "bytes", "peak memory of the groom besides its CVs"),
         sum("instances.count", "count", "instances that strands grow on, each with the wind at its position"),
         sum("instances.shared_bytes", "bytes",

@@ -59,6 +59,7 @@ struct GroomInstance {
     std::vector<float> bind_positions;
     std::shared_ptr<const GuideSet> guides; // nullptr: none
     std::vector<GuideBlend> blends;         // [root], if there are guides
+    uint64_t covered_roots = 0;             // left out, see covered_roots.h
     std::vector<float> bind_normals;        // if there are guides and the mesh has normals
     GuideMotion guide_motion;
     bool placed = false;
@@ -75,12 +76,14 @@ struct GroomInstance {
     // Digests taken when the roots were placed: of the mesh's topology, of all mesh data that determines the
     // roots, and of guides and parting lines.
     uint64_t placed_topology_digest = 0, placed_mesh_digest = 0, placed_guides_digest = 0;
-    bool mesh_may_differ = false; // as announced by update()
+    uint64_t placed_covering_digest = 0; // of the meshes that can cover roots
+    bool mesh_may_differ = false;        // as announced by update()
     uint32_t time_count = 1;
     ChainFrame chain;
     ColliderTrees trees;
     PastSkin past;
     GustStart gust_start;
+    bool gusts_checked = false;        // whether any touches a strand
     std::vector<float> radius_profile; // [cvs]: radius of a strand of width 1, half of Groom::width_profile
 
     Workers workers;

@@ -57,6 +57,10 @@ constexpr std::array groom_values = {
                 "beyond the border of an image: its last pixels, or the image again; auto: repeat if the "
                 "mesh has uvs "
                 "outside 0 ... 1"},
+    MarramParam{
+        "clear_of", MARRAM_CHOICE, "", "meshes", -largest_coordinate, largest_coordinate, "meshes|none",
+        "meshes: with collision, strands whose roots are inside or under another mesh that collides are "
+        "left out, if neither mesh moves; none: they stay"},
     MarramParam{"spacing", MARRAM_NUMBER, "", "1", 0, 1, "",
                 "0: random roots; 1: as even as a Poisson disc set"},
     MarramParam{"length", MARRAM_RANGE, "m", "none", 0, largest_coordinate, "",
@@ -72,15 +76,12 @@ constexpr std::array groom_values = {
     MarramParam{
         "comb_map", MARRAM_IMAGE, "", "none", -largest_coordinate, largest_coordinate, "uv",
         "the same by uv: red and green, 0 to 1, are -1 to 1 along u and v; grey (0.5) leaves it to comb"},
-    MarramParam{"comb_variation", MARRAM_NUMBER, "deg", "20", 0, 180, "",
-                "largest_coordinate deviation from comb"},
+    MarramParam{"comb_variation", MARRAM_NUMBER, "deg", "20", 0, 180, "", "largest deviation from comb"},
     MarramParam{"lean", MARRAM_NUMBER, "deg", "10", 0, 90, "",
                 "angle between strand and surface normal at the root"},
-    MarramParam{"lean_variation", MARRAM_NUMBER, "deg", "5", 0, 90, "",
-                "largest_coordinate deviation from lean"},
+    MarramParam{"lean_variation", MARRAM_NUMBER, "deg", "5", 0, 90, "", "largest deviation from lean"},
     MarramParam{"arc", MARRAM_NUMBER, "deg", "20", -720, 720, "", "additional lean at the tip"},
-    MarramParam{"arc_variation", MARRAM_NUMBER, "deg", "10", 0, 360, "",
-                "largest_coordinate deviation from arc"},
+    MarramParam{"arc_variation", MARRAM_NUMBER, "deg", "10", 0, 360, "", "largest deviation from arc"},
     MarramParam{"curl.radius", MARRAM_NUMBER, "m", "0", 0, largest_coordinate, "",
                 "radius of the helix at the tip"},
     MarramParam{"curl.turns", MARRAM_NUMBER, "", "3", 0, 1000, "", "turns of the helix over the strand"},
@@ -103,12 +104,11 @@ constexpr std::array groom_values = {
     MarramParam{"width_profile", MARRAM_RAMP, "", "[[0, 1], [1, 0.1]]", -largest_coordinate,
                 largest_coordinate, "", "scale of the width from root to tip"},
     MarramParam{"width_variation", MARRAM_NUMBER, "", "0.1", 0, 1, "",
-                "largest_coordinate random reduction of the width, as a fraction"},
-    MarramParam{
-        "cvs", MARRAM_INTEGER, "", "8", 0, 1000, "",
-        "control vertices a strand; 0: chosen from the tolerance; wind.reference_segments then defaults "
-        "to 7, so strands bend like strands of 8 CVs",
-        "5|9|17|33|65", ""},
+                "largest random reduction of the width, as a fraction"},
+    MarramParam{"cvs", MARRAM_INTEGER, "", "8", 0, 1000, "",
+                "control vertices a strand; 0: as many as show the bend within the tolerance; "
+                "wind.reference_segments then defaults to 7, so the wind is as strong as on strands of 8 CVs",
+                "5|9|17|33|65", ""},
     MarramParam{"basis", MARRAM_CHOICE, "", "bspline", -largest_coordinate, largest_coordinate,
                 "bspline|catmull-rom", "B-spline is smoother; Catmull-Rom passes through its CVs"},
     MarramParam{"shape", MARRAM_CHOICE, "", "round", -largest_coordinate, largest_coordinate,
@@ -462,14 +462,26 @@ uint64_t roots_digest(const Values& values) {
     };
     for (const char* name : {"on", "density", "count", "density_mask", "density_by_height",
                              "density_by_slope", "spacing", "seed", "guides.curves", "guides.blend",
-                             "guides.parting", "guides.parting_lines", "guides.length", "guides.wind"})
+                             "guides.parting", "guides.parting_lines", "guides.length", "guides.reach", "guides.wind"})
         if (const MarramValue* value = values.find(name)) add(*value);
-    for (size_t i = 0;; ++i) {
-        const std::string element = "density_by[" + std::to_string(i) + "].";
-        if (!values.has(element + "ramp")) return digest.value();
-        for (const char* part : {"attribute", "image", "ramp"})
-            if (const MarramValue* value = values.find(element + part)) add(*value);
-    }
+    const auto add_factors = [&](const std::string& list) {
+        for (size_t i = 0; values.has(list + "[" + std::to_string(i) + "].ramp"); ++i)
+            for (const char* part : {"attribute", "image", "ramp"})
+                if (const MarramValue* value = values.find(list + "[" + std::to_string(i) + "]." + part))
+                    add(*value);
+    };
+    add_factors("density_by");
+    if (!values.has("wind.collision.solver") || values.text("wind.collision.solver") == "none" ||
+        values.text("clear_of") == "none")
+        return digest.value();
+    // What the root offset depends on: roots that are covered within it are left out.
+    for (const char* name :
+         {"clear_of", "wind.collision.solver", "wind.collision.offset_root", "length", "length_mask",
+          "length_by_height", "length_by_slope", "width", "width_profile", "width_variation"})
+        if (const MarramValue* value = values.find(name)) add(*value);
+    add_factors("length_by");
+    add_factors("width_by");
+    return digest.value();
 }
 
 const std::vector<MarramParam>& groom_params() {
@@ -535,6 +547,7 @@ Groom read_groom(const Values& values) {
     for (size_t i = 0; i < factor_count; ++i)
         groom.factors[i] = read_factors(values, std::string(scaled[i].name) + "_by", images);
     groom.seed = static_cast<uint32_t>(values.integer("seed"));
+    groom.clear_of_meshes = values.text("clear_of") == "meshes";
     return groom;
 }
 

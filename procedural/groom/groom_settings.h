@@ -125,6 +125,7 @@ struct Groom {
     Ramp envelope;
     std::array<Factors, factor_count> factors; // of_wind scales the envelope
     uint32_t seed = 0;
+    bool clear_of_meshes = true; // roots that colliding meshes cover are left out (covered_roots.h)
 };
 
 const std::vector<MarramParam>& groom_params(); // including guide_params()

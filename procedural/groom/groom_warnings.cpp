@@ -103,6 +103,32 @@ void warn_of_no_strands(const GroomInstance& instance) {
              "no strands: the density, or the density times the masks, is 0 or almost 0", "raise it");
 }
 
+void warn_of_covered_roots(const GroomInstance& instance, std::span<const Cover> covers, uint64_t of) {
+    std::string meshes;
+    for (const Cover& cover : covers)
+        if (cover.roots > 0)
+            meshes += fmt::format("{}{} at '{}', one at ({:.4g}, {:.4g}, {:.4g})", meshes.empty() ? "" : "; ",
+                                  cover.roots, cover.mesh, cover.place.x(), cover.place.y(), cover.place.z());
+    if (meshes.empty()) return;
+    send(instance.host, MARRAM_WARNING, "groom.covered", instance.groom.mesh_place,
+         fmt::format("{} of {} strands are left out, because another mesh covers their roots: {}",
+                     instance.covered_roots, of, meshes),
+         "give the groom clear_of = \"none\" to keep them, or the mesh collides = false");
+}
+
+void warn_beyond_guides(const GroomInstance& instance, uint64_t left_out, uint64_t of) {
+    if (left_out == 0) return;
+    const double reach = instance.guides->reach();
+    send(instance.host, MARRAM_WARNING, "groom.beyond_guides", instance.groom.guides->place,
+         fmt::format(
+             "{:.2g} % of the strands ({} of {}) are left out: their roots are beyond the reach of the "
+             "guides, {:.3g} m{}",
+             100.0 * double(left_out) / double(of), left_out, of, reach,
+             instance.groom.guides->reach ? "" : " by their spacing"),
+         fmt::format("give guides.reach = {:.2g} to grow them farther out, add guides, or use a density mask",
+                     2.0 * reach));
+}
+
 void warn_of_guides(const GroomInstance& instance, const Binding& binding) {
     if (const RootProblem problem = root_problem(binding, "guides", instance.groom.mesh); !problem.id.empty())
         send(instance.host, MARRAM_WARNING, ("groom.guides_" + problem.id).c_str(),

@@ -24,6 +24,10 @@ constexpr std::array guide_values = {
                 largest_coordinate, "", "drawn partings on the skin: no guides beyond them are blended"},
     MarramParam{"guides.length", MARRAM_RANGE, "", "[1, 1]", 0, 1e6, "",
                 "shortest and longest strand, in lengths of its guides"},
+    MarramParam{
+        "guides.reach", MARRAM_NUMBER, "m", "none", 0, largest_coordinate, "",
+        "no strands grow farther than this from a guide: their density fades out until 1.5 times this "
+        "distance; default: 1.5 times the spacing of the guides"},
     MarramParam{"guides.wind", MARRAM_CHOICE, "", "strands", -largest_coordinate, largest_coordinate,
                 "strands|guides",
                 "what the wind blows: each strand, or only the guides, whose motion the strands blend: "
@@ -53,6 +57,7 @@ std::optional<GuideSettings> parse_guide_settings(const Values& values) {
     settings.blend = values.integer("guides.blend");
     settings.parting = radians(values, "guides.parting");
     settings.length = values.range("guides.length");
+    if (values.has("guides.reach")) settings.reach = values.number("guides.reach");
     settings.wind_on_guides = values.text("guides.wind") == "guides";
     return settings;
 }
@@ -99,6 +104,7 @@ GuideSet::GuideSet(const GuideSettings& settings, const LentCurves& curves, cons
         guide.normal = frame_at(bind, root_binding.triangle, root_binding.weights).normal;
         guide.triangle = root_binding.triangle;
         guide.weights = root_binding.weights;
+        guide.foot = bind.point(root_binding.triangle, root_binding.weights);
         const Vec3d to_tip = cv_at(v + 4 * (cvs - 1)) - guide.root;
         guide.direction = to_tip.norm() > 1e-9 * guide.length ? Vec3d(to_tip.normalized()) : guide.normal;
         for (uint32_t k = 0; k < cvs; ++k)
@@ -111,6 +117,33 @@ GuideSet::GuideSet(const GuideSettings& settings, const LentCurves& curves, cons
         throw SceneFault("groom.no_guides", settings.place,
                          "the curves '" + settings.curves + "' have no guide with a length", "name others");
     tree_ = std::make_shared<const Tree>(std::move(roots));
+    reach_ = settings_.reach.value_or(default_reach());
+}
+
+double GuideSet::default_reach() const {
+    const size_t wanted = std::min(size_t(settings_.blend) + 1, guides_.size()); // a guide finds itself, too
+    if (wanted < 2) return infinity;
+    std::array<uint32_t, most_blended + 1> found{};
+    std::array<double, most_blended + 1> squared{};
+    std::vector<double> spacings;
+    for (const Guide& guide : guides_) {
+        const size_t count = tree_->index.knnSearch(guide.root.data(), wanted, found.data(), squared.data());
+        spacings.push_back(std::sqrt(*std::max_element(squared.begin(), squared.begin() + long(count))));
+    }
+    const auto at = spacings.begin() + long(spacings.size() * 9 / 10);
+    std::nth_element(spacings.begin(), at, spacings.end());
+    return *at > 0.0 ? 1.5 * *at : infinity; // guides that share one root say nothing of the skin around it
+}
+
+double GuideSet::density_at(const Vec3d& root) const {
+    if (!(reach_ < infinity)) return 1.0;
+    uint32_t guide = 0;
+    double squared = 0.0;
+    tree_->index.knnSearch(root.data(), 1, &guide, &squared);
+    const double distance = (guides_[guide].foot - root).norm(); // guides may hover over the skin
+    if (distance <= reach_) return 1.0;
+    constexpr double end = 1.5; // of the reach
+    return std::max(0.0, (end * reach_ - distance) / ((end - 1.0) * reach_));
 }
 
 // True if the straight line from a root to a guide's root crosses a parting line, seen along the normal.

@@ -12,6 +12,11 @@
 // to 0 before it leaves the set of nearest guides. Guides are resampled to the CV count of the strands,
 // equally spaced along them. Lengths are blended with the same weights.
 //
+// Guides say nothing of skin far from all of them: at a distance from the foot of the nearest guide, strands have the full
+// density up to the reach, and from there fade out linearly until 1.5 times the reach. By default the reach is 1.5
+// times the spacing of the guides: nine guides in ten have `blend` others within the spacing. A single guide has none,
+// and no limit.
+//
 // Excluded from the blend are: guides whose skin faces away from the child's; guides whose direction differs
 // from that of the nearest guide by more than `parting`, so that hair does not grow across a parting between
 // guides; and guides beyond a parting line, which means that the straight line between the roots crosses it,
@@ -42,6 +47,7 @@ struct GuideSettings {
     double parting = 0.0;           // radians
     Vec2d length{1.0, 1.0};         // length of children relative to that of their guides
     bool wind_on_guides = false;    // the wind blows the guides, and children follow
+    std::optional<double> reach;    // m; empty: from the spacing of the guides
 };
 
 std::span<const MarramParam> guide_params();
@@ -70,6 +76,8 @@ class GuideSet {
     // excluded, takes the nearest. Memory: 32 bytes per child.
     GuideBlend blend_at(const Vec3d& root, const Vec3d& normal) const;
     double length_of(const GuideBlend& blend) const; // blended length of the guides, m
+    double reach() const { return reach_; }          // m; infinite for a single guide
+    double density_at(const Vec3d& root) const;      // factor of the density, 0 to 1: see the top
 
     // Guides with `cvs` equally spaced CVs: offsets from their roots in the bind pose, [guide * cvs + k].
     // Cached; thread-safe.
@@ -81,6 +89,7 @@ class GuideSet {
 
     struct Guide {
         Vec3d root, normal, direction; // direction: unit, from root to tip
+        Vec3d foot;                    // point of the skin closest to the root
         uint32_t triangle;             // that it is bound to
         Vec3d weights;                 // barycentric
         double length;
@@ -90,6 +99,7 @@ class GuideSet {
 
   private:
     struct Tree;
+    double default_reach() const;
     bool crosses_parting_line(const Vec3d& root, const Vec3d& normal, const Vec3d& guide) const;
 
     GuideSettings settings_;
@@ -97,7 +107,7 @@ class GuideSet {
     std::vector<Guide> guides_;
     std::vector<std::vector<Vec3d>> parting_lines_;
     std::shared_ptr<const Tree> tree_;
-    double longest_ = 0.0;
+    double longest_ = 0.0, reach_ = 0.0;
     mutable std::mutex lock_;
     mutable std::map<int, std::shared_ptr<const std::vector<Vec3f>>> resampled_;
 };

@@ -32,6 +32,7 @@
 #include "procedural/groom/imported_output.h"
 #include "procedural/groom/imported_shape.h"
 #include "procedural/groom/pilot.h"
+#include "procedural/groom/wind_words.h"
 
 #include <fmt/format.h>
 
@@ -73,6 +74,7 @@ void apply_values(ImportInstance& instance, const Values& given, std::span<const
         throw SceneFault("strands.no_skin", given.at("curves").place,
                          "wind.collision.offset_scale needs the skin that strands grow on",
                          "name it: on = \"...\"");
+    warn_of_idle_wind(instance.host, given, wind);
     instance.settings = std::move(settings);
     instance.wind = std::move(wind);
     instance.automatic_rays = instance.wind.shielding && instance.wind.shielding->spread > 0.0 &&
@@ -83,6 +85,7 @@ void apply_values(ImportInstance& instance, const Values& given, std::span<const
     instance.binding_digest = binding_digest(instance.settings);
     instance.chosen_for.reset();
     instance.gust_start = {};
+    instance.gusts_checked = false;
     instance.begun = false;
 }
 
@@ -501,6 +504,11 @@ MarramStatus begin_import(MarramInstance* opaque, const MarramFrame* frame, Marr
                                            everywhere(),
                                            &instance.trees});
         warn_of_gusts(instance.host, instance.settings.curves_place, instance.chain);
+        if (!instance.gusts_checked && !instance.moves() && !instance.curves.curves.moves &&
+            !(instance.mesh && instance.mesh->moves != 0))
+            warn_of_untouching_gusts(instance.host, instance.wind, instance.frame,
+                                     bounds_of_import(instance));
+        instance.gusts_checked = true;
         announce_long_work(instance, instance.past.window.count());
         instance.prepare_seconds = wall_seconds() - before;
         const MarramCurves& lent = instance.curves.curves;
@@ -599,12 +607,25 @@ MarramStatus tessellate_import(MarramInstance* opaque, uint32_t index, const Mar
     });
 }
 
+MarramStatus summarize_import(MarramInstance* opaque, void (*sink)(void*, const char*), void* user) {
+    if (!opaque) return MARRAM_ERROR; // no host to report to
+    const ImportInstance& instance = self_of(opaque);
+    return guarded_import(instance.host, [&] {
+        if (!sink) throw SceneFault("contract.null_sink", "", "the sink is NULL", "pass a function");
+        if (!instance.begun)
+            throw SceneFault("contract.no_frame", "", "no frame has begun", "call begin first");
+        sink(user, wind_summary(instance.wind, instance.frame, bounds_of_import(instance)).c_str());
+        return MARRAM_OK;
+    });
+}
+
 void report_import(MarramInstance* opaque, void (*sink)(void*, const char*, double), void* user) {
     if (!opaque || !sink) return;
     ImportInstance& instance = self_of(opaque);
     size_t scratch = 0;
     const CollisionCounts counts = report_chain(instance.workers, sink, user, scratch);
-    warn_of_collisions(instance.host, instance.settings.curves_place, instance.time_count > 1, counts);
+    warn_of_collisions(instance.host, instance.settings.curves_place, instance.mesh, instance.time_count > 1,
+                       counts);
     const Wind& wind = instance.wind;
     if (instance.automatic_rays) sink(user, "chosen.shield_rays", wind.shielding->rays);
     if (instance.automatic_step && instance.past.window.count() > 0)
@@ -659,6 +680,7 @@ MarramProcedural strands_procedural() {
     procedural.attribute_count = uint32_t(computed_attributes().size());
     procedural.attribute_stride = sizeof(MarramAttribute);
     procedural.create = create_import;
+    procedural.summarize = summarize_import;
     procedural.begin = begin_import;
     procedural.patch = patch_of_import;
     procedural.tessellate = tessellate_import;

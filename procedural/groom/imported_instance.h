@@ -69,6 +69,7 @@ struct ImportInstance {
     ColliderTrees trees;
     PastSkin past; // its window is used even without a skin
     GustStart gust_start;
+    bool gusts_checked = false; // whether any touches a strand
     Workers workers;
 
     void warn(const char* id, const std::string& what, const std::string& remedy) const {

@@ -142,18 +142,56 @@ void warn_of_gusts(const MarramHost& host, const std::string& place, const Chain
          "lower wind.gusts.num_gusts, radius_range or life_range");
 }
 
-void warn_of_collisions(const MarramHost& host, const std::string& place, bool all_samples,
-                        const CollisionCounts& counts) {
-    const auto warn = [&](uint64_t count, const char* id, const std::string& what, const char* remedy) {
-        if (count > 0) send(host, MARRAM_WARNING, id, place, std::to_string(count) + what, remedy);
-    };
+namespace {
+
+// "3 at 'house', strand rooted at (1, 0, 2); 1 at 'ground', ..."
+template <typename Count>
+std::string places_without_room(const CollisionCounts& counts, Count&& count) {
+    std::string text;
+    for (const auto& [mesh, at] : counts.no_room)
+        if (const uint64_t n = count(at); n > 0)
+            text += fmt::format("{}{} {}, root at ({:.4g}, {:.4g}, {:.4g})", text.empty() ? "" : "; ", n,
+                                mesh.empty() ? "in the open" : fmt::format("at '{}'", mesh), at.place.x(),
+                                at.place.y(), at.place.z());
+    return text;
+}
+
+} // namespace
+
+void warn_of_collisions(const MarramHost& host, const std::string& place, const MarramMesh* skin,
+                        bool all_samples, const CollisionCounts& counts) {
     const std::string of = all_samples ? " (all motion samples together)" : "";
-    warn(counts.unresolved, "collision.unresolved", " segments or roots have no free direction" + of,
-         "raise wind.collision.offset_root, or leave more space around the strands");
-    warn(counts.dips, "collision.dips", " rendered strands penetrate a mesh by more than the tolerance" + of,
-         "roots are closer to the mesh than the strand radius, or the gap is too narrow: use thinner strands "
-         "or raise "
-         "wind.collision.offset_root");
+    const std::string own = skin && skin->name ? skin->name : "";
+    bool roots_at_others = false, roots_at_own = false, segments = false, dips_at_own = false;
+    for (const auto& [mesh, at] : counts.no_room) {
+        (mesh == own ? roots_at_own : roots_at_others) |= at.roots > 0;
+        segments |= at.segments > 0;
+        dips_at_own |= mesh == own && at.dips > 0;
+    }
+    if (counts.unresolved > 0) {
+        std::string remedy;
+        const auto add = [&](bool applies, const char* text) {
+            if (applies) remedy += (remedy.empty() ? "" : "; ") + std::string(text);
+        };
+        add(roots_at_others,
+            "move that mesh away from the roots, grow nothing there (density_by, density_mask), or "
+            "give it collides = false");
+        add(roots_at_own, "raise wind.collision.offset_root");
+        add(segments, "leave more space around the strands, or make them shorter there (length_by)");
+        send(
+            host, MARRAM_WARNING, "collision.unresolved", place,
+            fmt::format("{} segments or roots have no free direction{}: {}", counts.unresolved, of,
+                        places_without_room(counts, [](const NoRoom& at) { return at.roots + at.segments; })),
+            remedy);
+    }
+    if (counts.dips > 0)
+        send(host, MARRAM_WARNING, "collision.dips", place,
+             fmt::format("{} rendered strands penetrate a mesh by more than the tolerance{}: {}", counts.dips,
+                         of, places_without_room(counts, [](const NoRoom& at) { return at.dips; })),
+             dips_at_own
+                 ? "roots are closer to the mesh than the strand radius, or the gap is too narrow: use "
+                   "thinner strands or raise wind.collision.offset_root"
+                 : "the gap is too narrow: use thinner strands or more CVs, or leave more space");
 }
 
 } // namespace marram

@@ -58,9 +58,10 @@ void check_buffers(const MarramPatchBuffers* buffers, uint32_t time_count, bool 
 // threads, bytes.
 CollisionCounts report_chain(Workers& workers, ReportSink sink, void* user, size_t& scratch);
 
-// Warns of unresolved collisions and penetrations. place: "" or where the message points.
-void warn_of_collisions(const MarramHost& host, const std::string& place, bool all_samples,
-                        const CollisionCounts& counts);
+// Warns of unresolved collisions and penetrations: how many, at which meshes, where, and what helps there. place: ""
+// or where the message points. skin: the mesh that strands grow on, or nullptr.
+void warn_of_collisions(const MarramHost& host, const std::string& place, const MarramMesh* skin,
+                        bool all_samples, const CollisionCounts& counts);
 
 // The amount of work of the chain in a frame.
 struct LongWork {

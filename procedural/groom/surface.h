@@ -32,7 +32,8 @@ enum class Purpose : uint32_t {
     frizz,
     width,
     id,
-    clump
+    clump,
+    reach
 };
 
 inline uint64_t root_hash(uint32_t seed, Root root, Purpose purpose) {

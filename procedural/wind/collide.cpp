@@ -78,12 +78,28 @@ double root_offset(const Collision& collision, double length, double root_radius
     return collision.offset_root.value_or(std::max(0.01 * length, 1.2 * root_radius));
 }
 
+namespace {
+
+// By x, then y, then z: of many places the same one is named, whatever the threads.
+bool comes_before(const Vec3d& a, const Vec3d& b) {
+    return std::lexicographical_compare(a.data(), a.data() + 3, b.data(), b.data() + 3);
+}
+
+} // namespace
+
 CollisionCounts& CollisionCounts::operator+=(const CollisionCounts& other) {
     contacts += other.contacts;
     pushed_out += other.pushed_out;
     unresolved += other.unresolved;
     targets_not_raised += other.targets_not_raised;
     dips += other.dips;
+    for (const auto& [mesh, theirs] : other.no_room) {
+        NoRoom& mine = no_room[mesh];
+        mine.roots += theirs.roots;
+        mine.segments += theirs.segments;
+        mine.dips += theirs.dips;
+        if (comes_before(theirs.place, mine.place)) mine.place = theirs.place;
+    }
     goal_angle += other.goal_angle;
     turned_angle += other.turned_angle;
     return *this;
@@ -100,6 +116,16 @@ struct StrandJob {
     double rounding;      // bound on the rounding of a stored coordinate; a CV moves by less than twice this
     double tolerance;
 };
+
+// The entry of the mesh that is nearest to p. root: of the strand.
+NoRoom& no_room_at(const CollideJob& job, CollisionCounts& counts, const Vec3d& p, double radius,
+                   const Vec3d& root) {
+    const NearestTriangle nearest =
+        job.colliders->tree ? nearest_triangle(*job.colliders, p, radius) : NearestTriangle{};
+    NoRoom& found = counts.no_room[nearest.mesh ? nearest.mesh->name : ""];
+    if (comes_before(root, found.place)) found.place = root;
+    return found;
+}
 
 // Radii of a strand at its CVs; returns the root's.
 double read_radii(const CollideJob& job, const Strands& strands, size_t strand, std::vector<double>& radius) {
@@ -316,7 +342,10 @@ bool solve_strand(const CollideJob& job, const StrandJob& strand, CollideScratch
         scratch.segment_pushed_out[k] = turned.pushed_out;
         counts.contacts += turned.outcome == Outcome::contact;
         counts.pushed_out += turned.pushed_out && turned.outcome != Outcome::unresolved;
-        counts.unresolved += turned.outcome == Outcome::unresolved;
+        if (turned.outcome == Outcome::unresolved) {
+            ++counts.unresolved;
+            ++no_room_at(job, counts, segment.pivot, segment.length, scratch.rest[0]).segments;
+        }
         counts.goal_angle += turned.goal_angle;
         counts.turned_angle += std::clamp(
             turned.turned_angle, 0.0, turned.goal_angle); // no progress if it was pushed away from its goal
@@ -361,19 +390,48 @@ bool solve_as_straight_line(const CollideJob& job, const StrandJob& strand, Coll
     return penetrating_cv(job, strand, scratch) < 0;
 }
 
+// Solves a strand again with other turn fractions. Returns whether it is resolved.
+bool solve_again(const CollideJob& job, const StrandJob& strand, CollideScratch& scratch) {
+    CollideJob quiet = job;
+    quiet.trace = nullptr;
+    CollisionCounts again;
+    return solve_strand(quiet, strand, scratch, again) && again.unresolved == 0;
+}
+
+// Gives reduced turns back, from root to tip, each as far as the rendered curve stays outside: bisects its
+// fraction. So a curve that penetrates by little more than the tolerance is moved by little, and the pose
+// changes gradually with the tolerance. A fraction is found to 1/256.
+void restore_turns(const CollideJob& job, const StrandJob& strand, CollideScratch& scratch) {
+    constexpr int steps = 8;
+    std::vector<Vec3f> solved = scratch.solved;
+    for (double& fraction : scratch.turn_fraction) {
+        double low = fraction, high = 1.0;
+        for (int i = 0; i < steps && low < 1.0; ++i) {
+            fraction = i == 0 ? 1.0 : 0.5 * (low + high);
+            const bool outside =
+                solve_again(job, strand, scratch) && penetrating_cv(job, strand, scratch) < 0;
+            (outside ? low : high) = fraction;
+            if (outside) solved = scratch.solved;
+        }
+        fraction = low;
+    }
+    scratch.solved = solved;
+}
+
 // Solves again with smaller turns until the rendered curve stays outside. A kink is reduced by turning less
 // at its segment; if that segment had to be turned out, by turning less before it. With no turn at all the
-// result is the rest strand.
+// result is the rest strand. The turns are first halved, then restored as far as possible.
 void remove_penetration(const CollideJob& job, const StrandJob& strand, CollideScratch& scratch,
                         CollisionCounts& counts) {
     constexpr int tries = 64;
     constexpr double smallest = 1.0 / 32.0;
-    CollideJob quiet = job;
-    quiet.trace = nullptr;
     for (int i = 0;; ++i) {
         // The segment that starts at the penetrating CV: turning it less straightens the curve there.
         int segment = penetrating_cv(job, strand, scratch);
-        if (segment < 0) return;
+        if (segment < 0) {
+            if (i > 0) restore_turns(job, strand, scratch);
+            return;
+        }
         if (i == tries) break;
         while (segment >= 0 &&
                (scratch.turn_fraction[size_t(segment)] == 0.0 || scratch.segment_pushed_out[size_t(segment)]))
@@ -382,8 +440,7 @@ void remove_penetration(const CollideJob& job, const StrandJob& strand, CollideS
         double& fraction = scratch.turn_fraction[size_t(segment)];
         fraction = fraction > smallest ? 0.5 * fraction : 0.0;
         const std::vector<Vec3f> before = scratch.solved;
-        CollisionCounts again;
-        if (solve_strand(quiet, strand, scratch, again) && again.unresolved == 0) continue;
+        if (solve_again(job, strand, scratch)) continue;
         scratch.solved = before; // a segment has no free direction: undo
         break;
     }
@@ -391,6 +448,10 @@ void remove_penetration(const CollideJob& job, const StrandJob& strand, CollideS
     if (solve_as_straight_line(job, strand, scratch)) return;
     scratch.solved = curved;
     ++counts.dips;
+    const int at = std::max(penetrating_cv(job, strand, scratch), 0);
+    ++no_room_at(job, counts, curved[size_t(at)].cast<double>(), 2.0 * strand.radius[0] + strand.offset,
+                 scratch.rest[0])
+          .dips;
 }
 
 void collide_strand(const CollideJob& job, Strands& strands, size_t i, CollideScratch& scratch,
@@ -438,6 +499,7 @@ void collide_strand(const CollideJob& job, Strands& strands, size_t i, CollideSc
     if (!solve_strand(job, strand, scratch, counts)) {
         // The root is not free: keep the rest shape.
         ++counts.unresolved;
+        ++no_room_at(job, counts, scratch.rest[0], strand_length, scratch.rest[0]).roots;
         for (size_t k = 0; k < cvs; ++k) scratch.solved[k] = scratch.rest[k].cast<float>();
     } else if (job.settings->solver == Solver::exact) {
         remove_penetration(job, strand, scratch, counts);

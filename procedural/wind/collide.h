@@ -7,8 +7,10 @@
 #include "procedural/wind/strands.h"
 #include "procedural/wind/turn.h"
 
+#include <map>
 #include <optional>
 #include <span>
+#include <string>
 
 namespace marram {
 
@@ -29,12 +31,20 @@ std::optional<Collision> read_collision(const Values& values); // empty if the s
 // at least 1.2 times its radius at the root.
 double root_offset(const Collision& collision, double length, double root_radius);
 
+// Where strands have no room.
+struct NoRoom {
+    uint64_t roots = 0, segments = 0;        // roots that are not free; segments without a free direction
+    uint64_t dips = 0;                       // strands whose rendered curve penetrates
+    Vec3d place = Vec3d::Constant(infinity); // root of one of these strands: the first by its coordinates
+};
+
 struct CollisionCounts {
     uint64_t contacts = 0;           // segments that stopped at a collider
     uint64_t pushed_out = 0;         // segments that started inside a collider and were turned out
     uint64_t unresolved = 0;         // segments without a free direction, and strands whose root is not free
     uint64_t targets_not_raised = 0; // CVs for which offset_scale found no consistent side of the skin
     uint64_t dips = 0; // strands whose rendered curve still penetrates by more than the tolerance
+    std::map<std::string, NoRoom> no_room; // by the name of the nearest mesh; "" if none is within a segment
     double goal_angle = 0.0,
            turned_angle = 0.0; // sums over segments: angle to the goal, and the part of it that was turned
 

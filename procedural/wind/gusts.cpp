@@ -206,20 +206,40 @@ struct ActiveInfluences {
     }
 };
 
+// A random gust of one repetition.
+struct DrawnGust {
+    uint64_t key;
+    double start, life, fade, radius; // start: frame within the period
+    bool exists() const { return life > 0.0 && std::isfinite(1.0 / radius); }
+};
+
+DrawnGust draw_gust(const Gusts& gusts, int64_t repetition, uint64_t index) {
+    const uint64_t set = gusts.redraw ? static_cast<uint64_t>(repetition) : 0;
+    DrawnGust gust{};
+    gust.key = hash(hash(gusts.seed, set), index);
+    gust.start = draw(gust.key, Draw::start_frame, gusts.start_frame);
+    gust.life = draw(gust.key, Draw::life, gusts.life);
+    gust.fade = std::min(std::max(draw(gust.key, Draw::decay, gusts.decay), shortest_fade), gust.life);
+    gust.radius = draw(gust.key, Draw::radius, gusts.radius);
+    return gust;
+}
+
+// Its place in the plane that gusts start from, relative to the plane's centre.
+Vec3d place_across(const Gusts& gusts, const CrosswindAxes& sides, uint64_t key) {
+    return sides.level * ((draw(key, Draw::across) - 0.5) * gusts.extent->x()) +
+           sides.upright * ((draw(key, Draw::up) - 0.5) * gusts.extent->y());
+}
+
 void add_gust(const GustContext& passage, int64_t repetition, uint64_t index, ActiveInfluences& out) {
     const Gusts& gusts = passage.gusts;
-    const uint64_t set = gusts.redraw ? static_cast<uint64_t>(repetition) : 0;
-    const uint64_t key = hash(hash(gusts.seed, set), index);
-    const double start = draw(key, Draw::start_frame, gusts.start_frame);
-    const double age = passage.frame - start - double(repetition) * gusts.period;
-    const double life = draw(key, Draw::life, gusts.life);
-    const double fade = std::min(std::max(draw(key, Draw::decay, gusts.decay), shortest_fade), life);
-    const double radius = draw(key, Draw::radius, gusts.radius);
-    if (!(life > 0.0 && -fade < age && age < life && std::isfinite(1.0 / radius))) return;
+    const DrawnGust gust = draw_gust(gusts, repetition, index);
+    const uint64_t key = gust.key;
+    const double life = gust.life, fade = gust.fade, radius = gust.radius;
+    const double age = passage.frame - gust.start - double(repetition) * gusts.period;
+    if (!(gust.exists() && -fade < age && age < life)) return;
     const double swell = smooth_step(std::min(1.0, (age + fade) / fade));
     const double decay = smooth_step(std::min(1.0, (life - age) / fade));
-    const Vec3d place = passage.sides.level * ((draw(key, Draw::across) - 0.5) * gusts.extent->x()) +
-                        passage.sides.upright * ((draw(key, Draw::up) - 0.5) * gusts.extent->y());
+    const Vec3d place = place_across(gusts, passage.sides, key);
     const double travelled = draw(key, Draw::speed, gusts.speed) * age / passage.fps;
     Influence influence;
     influence.center = passage.origin + place + passage.wind * travelled;
@@ -451,6 +471,76 @@ void set_gust_plane(Gusts& gusts, const Vec3d& lower, const Vec3d& upper, const 
     if (!gusts.distance)
         gusts.distance = (*gusts.center - middle).dot(wind_direction) + wind_direction.cwiseAbs().dot(half) +
                          gusts.radius.y();
+}
+
+namespace {
+
+// Whether the segment from p to q passes through the box.
+bool segment_meets_box(const Vec3d& p, const Vec3d& q, const Eigen::AlignedBox3d& box) {
+    double enter = 0.0, leave = 1.0;
+    for (int axis = 0; axis < 3; ++axis) {
+        const double way = q[axis] - p[axis];
+        double a = box.min()[axis] - p[axis], b = box.max()[axis] - p[axis];
+        if (way == 0.0) {
+            if (a > 0.0 || b < 0.0) return false;
+            continue;
+        }
+        a /= way, b /= way;
+        enter = std::max(enter, std::min(a, b));
+        leave = std::min(leave, std::max(a, b));
+    }
+    return enter <= leave;
+}
+
+bool control_touches(const GustControl& control, const Vec2d& frames, const Eigen::AlignedBox3d& box) {
+    constexpr double most_times = 1000.0;
+    const double length = frames.y() - frames.x(), step = std::max(1.0, length / most_times);
+    for (double at = 0.0; at <= length; at += step) {
+        ActiveInfluences active{box};
+        add_control(control, frames.x() + at, active);
+        if (!active.kept.empty()) return true;
+        if (!control.transform.moves()) return false;
+    }
+    return false;
+}
+
+} // namespace
+
+GustContacts gusts_touching(const Gusts& gusts, const Vec3d& wind_direction, const Vec2d& frames, double fps,
+                            const Eigen::AlignedBox3d& box) {
+    constexpr double most_counted = 1e6;
+    GustContacts contacts;
+    for (const GustControl& control : gusts.controls)
+        contacts.controls.push_back(control_touches(control, frames, box));
+    if (gusts.num_gusts == 0 || gusts.strength == 0.0) return contacts;
+    int64_t first = 0, last = 0; // repetitions that live in these frames
+    if (gusts.period > 0.0) {
+        const double before = std::ceil((frames.x() - gusts.start_frame.y() - gusts.life.y()) / gusts.period);
+        const double after =
+            std::floor((frames.y() - gusts.start_frame.x() + longest_fade(gusts)) / gusts.period);
+        contacts.counted = (after - before + 1.0) * gusts.num_gusts <= most_counted;
+        if (!contacts.counted) return contacts;
+        first = int64_t(before), last = int64_t(after);
+    }
+    contacts.counted = gusts.num_gusts <= most_counted;
+    const Vec3d origin = *gusts.center - *gusts.distance * wind_direction;
+    const CrosswindAxes sides = across(wind_direction);
+    for (int64_t repetition = first; repetition <= last; ++repetition)
+        for (uint32_t i = 0; i < gusts.num_gusts; ++i) {
+            const DrawnGust gust = draw_gust(gusts, repetition, i);
+            const double born = gust.start + double(repetition) * gusts.period;
+            const double from = std::max(frames.x(), born - gust.fade) - born,
+                         to = std::min(frames.y(), born + gust.life) - born;
+            if (!gust.exists() || !(from <= to)) continue;
+            ++contacts.passing;
+            const double speed = draw(gust.key, Draw::speed, gusts.speed) / fps;
+            const Vec3d place = origin + place_across(gusts, sides, gust.key);
+            const Vec3d reach = Vec3d::Constant(gust.radius);
+            contacts.touching += segment_meets_box(place + wind_direction * (speed * from),
+                                                   place + wind_direction * (speed * to),
+                                                   Eigen::AlignedBox3d(box.min() - reach, box.max() + reach));
+        }
+    return contacts;
 }
 
 bool gusts_move(const Gusts& gusts) {

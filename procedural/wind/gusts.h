@@ -112,6 +112,17 @@ std::optional<Gusts> read_gusts(const Values& values);
 // placed upwind of the box by the largest radius. A box that is empty or not finite counts as the point 0.
 void set_gust_plane(Gusts& gusts, const Vec3d& lower, const Vec3d& upper, const Vec3d& wind_direction);
 
+// Which gusts touch a box at some time within frames [first, last].
+struct GustContacts {
+    bool counted = true;                // false: more than a million gusts, not looked at
+    uint64_t passing = 0, touching = 0; // random gusts that live in that time, and those that touch the box
+    std::vector<bool> controls;         // [control]: it touches
+};
+// center, extent and distance must be set if num_gusts > 0. Bounds of gusts are tested, of controls at up to 1000
+// times. Cost: about 0.1 us a gust and repetition.
+GustContacts gusts_touching(const Gusts& gusts, const Vec3d& wind_direction, const Vec2d& frames, double fps,
+                            const Eigen::AlignedBox3d& box);
+
 // False: the influences are the same at every time.
 bool gusts_move(const Gusts& gusts);
 

@@ -411,6 +411,9 @@ TEST_F(FaultyHost, IsToldOfNullPointers) {
         if (calls.describe) {
             EXPECT_EQ(calls.describe(nullptr, nullptr, nullptr), MARRAM_ERROR);
         }
+        if (calls.summarize) {
+            EXPECT_EQ(calls.summarize(nullptr, nullptr, nullptr), MARRAM_ERROR);
+        }
         calls.report(nullptr, nullptr, nullptr);
         calls.destroy(nullptr);
 
@@ -430,6 +433,9 @@ TEST_F(FaultyHost, IsToldOfNullPointers) {
         calls.report(called.instance, nullptr, nullptr);
         if (calls.describe)
             called.expect_error(calls.describe(called.instance, nullptr, nullptr), "contract.null_sink",
+                                "no sink");
+        if (calls.summarize)
+            called.expect_error(calls.summarize(called.instance, nullptr, nullptr), "contract.null_sink",
                                 "no sink");
         if (calls.mesh)
             called.expect_error(calls.mesh(called.instance, nullptr), "contract.null_buffer", "no buffers");
@@ -533,6 +539,10 @@ TEST_F(FaultyHost, IsToldOfCallsOutOfOrder) {
                 called.expect_error(calls.describe(
                                         called.instance, [](void*, const char*) {}, nullptr),
                                     "contract.no_frame", "describe");
+            if (calls.summarize)
+                called.expect_error(calls.summarize(
+                                        called.instance, [](void*, const char*) {}, nullptr),
+                                    "contract.no_frame", "summarize");
             if (calls.view_mesh)
                 called.expect_error(calls.view_mesh(called.instance, &mesh_buffers), "contract.no_view",
                                     "view_mesh");

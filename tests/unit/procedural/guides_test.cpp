@@ -203,3 +203,22 @@ TEST(Guides, children_of_a_groom_have_their_shape_on_a_skin_that_turns) {
                 << "half as long as the guides";
     }
 }
+
+// Strands grow as far from guides as these are apart, and fade out beyond.
+TEST(Guides, reach_as_far_as_their_spacing) {
+    const TestSurface bind = grid_surface(8, 1.0);
+    Guides guides = lattice(4, [](const Vec3d&) { return Vec3d(0.0, 1.0, 0.0); });
+    GuideSettings settings = settings_of(3);
+    const auto set = guides.set(bind, settings);
+    EXPECT_GT(set->reach(), 1.4 * 0.25) << "the spacing is 1/4";
+    EXPECT_LT(set->reach(), 2.2 * 0.25);
+    const auto density = [&](double beyond) { return set->density_at(Vec3d(0.125 - beyond, 0.0, 0.125)); };
+    EXPECT_EQ(set->density_at(Vec3d(0.25, 0.0, 0.25)), 1.0) << "between four guides";
+    EXPECT_EQ(density(0.99 * set->reach()), 1.0);
+    EXPECT_NEAR(density(1.25 * set->reach()), 0.5, 1e-9);
+    EXPECT_EQ(density(1.5 * set->reach()), 0.0);
+    settings.reach = 0.1;
+    EXPECT_EQ(guides.set(bind, settings)->reach(), 0.1);
+    Guides one = lattice(1, [](const Vec3d&) { return Vec3d(0.0, 1.0, 0.0); });
+    EXPECT_EQ(one.set(bind, settings_of(3))->density_at(Vec3d(9.0, 0.0, 0.0)), 1.0) << "it has no spacing";
+}

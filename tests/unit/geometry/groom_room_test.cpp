@@ -1,0 +1,145 @@
+// SPDX-License-Identifier: Apache-2.0
+// Grooms among other meshes and in winds that do nothing: what is left out, and what the user is told.
+#include "build_scene.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+
+namespace marram::testing {
+namespace {
+
+// A lawn with a house on it, whose floor lies on the ground. 400 strands, 1/16 of them under the house.
+std::string lawn_with_house(const std::string& house, const std::string& grass = "",
+                            const std::string& wind = "collision = { solver = \"exact\" }\n",
+                            const std::string& ground = "") {
+    return "\n[wind]\n" + wind + mesh("ground", "plane", "size = [4, 4]\n" + ground) +
+           mesh("house", "box", "size = [1, 1, 1]\n" + house) +
+           groom("grass", "ground", "density = 25\ncvs = 4\n" + grass);
+}
+const std::string on_ground = "transform = { translate = [0, 0.5, 0] }\n";
+
+uint64_t strands_of(TestScene& scene, bool under_the_house) {
+    const World world = scene.build();
+    const CurveGeometry& grass = world.curves.at(0);
+    uint64_t count = 0;
+    for (uint64_t c = 0; c < grass.curve_count; ++c) {
+        const Vec3f root = cv(grass, 0, c, 0);
+        count += !under_the_house || (std::abs(root.x()) < 0.5F && std::abs(root.z()) < 0.5F);
+    }
+    return count;
+}
+uint64_t strands_of(const std::string& text, bool under_the_house = false) {
+    TestScene scene(text);
+    return strands_of(scene, under_the_house);
+}
+
+bool warns(const TestScene& scene, const std::string& text) {
+    return std::ranges::any_of(scene.stats.warnings, [&](const std::string& warning) {
+        return warning.find(text) != std::string::npos;
+    });
+}
+
+} // namespace
+
+TEST(CoveredRoots, are_left_out_and_named) {
+    const uint64_t all = strands_of(lawn_with_house(on_ground, "clear_of = \"none\"\n"));
+    for (const char* place : {"0.5", "0", "-0.499"}) { // on the ground, half sunk, almost sunk
+        TestScene scene(lawn_with_house(std::string("transform = { translate = [0, ") + place + ", 0] }\n"));
+        EXPECT_EQ(strands_of(scene, true), 0u) << place;
+        EXPECT_TRUE(warns(scene, "strands are left out, because another mesh covers their roots: ")) << place;
+        EXPECT_TRUE(warns(scene, " at 'house', one at (")) << place;
+        const double left_out = scene.stats.report("roots.covered");
+        EXPECT_EQ(double(strands_of(scene, false)) + left_out, double(all)) << place;
+        EXPECT_NEAR(left_out, double(all) / 16.0, 0.02 * double(all)) << place;
+    }
+}
+
+TEST(CoveredRoots, stay_where_nothing_covers_them_for_good) {
+    const uint64_t all = strands_of(lawn_with_house(on_ground, "clear_of = \"none\"\n"));
+    const std::string keys = "transform = { keys = [{ frame = 1, translate = [0, 0.5, 0] }, "
+                             "{ frame = 9, translate = [9, 0.5, 0] }] }\n";
+    EXPECT_EQ(strands_of(lawn_with_house(keys)), all) << "the house drives away";
+    EXPECT_EQ(strands_of(lawn_with_house(on_ground + "collides = false\n")), all);
+    EXPECT_EQ(strands_of(lawn_with_house(on_ground, "", "")), all) << "nothing collides";
+    EXPECT_EQ(strands_of(lawn_with_house("transform = { translate = [0, 1, 0] }\n")), all) << "on stilts";
+    EXPECT_EQ(strands_of(lawn_with_house("transform = { translate = [0, -0.51, 0] }\n")), all) << "buried";
+    // An update that moves the house places the roots again.
+    TestScene scene(lawn_with_house(on_ground));
+    EXPECT_EQ(strands_of(scene, true), 0u);
+    scene.geometry.meshes[1].transform =
+        KeyedTransform(std::vector<double>{1, 1.2, 0.5, 0, 0, 0, 0, 1, 1, 1}, "linear");
+    EXPECT_GT(strands_of(scene, true), 0u);
+    EXPECT_LT(strands_of(scene, false), all);
+}
+
+// Roots that lie on another mesh are not free.
+TEST(Collision, names_meshes_and_places_without_room) {
+    TestScene scene(lawn_with_house("transform = { translate = [0, 0.51, 0] }\n", "clear_of = \"none\"\n",
+                                    "collision = { solver = \"exact\", offset_root = 0.01 }\n"));
+    scene.build();
+    ASSERT_GT(scene.stats.report("collision.unresolved"), 0.0);
+    EXPECT_TRUE(warns(scene, "have no free direction: ")) << scene.stats.warnings.at(0);
+    EXPECT_TRUE(warns(scene, " at 'house', root at (")) << scene.stats.warnings.at(0);
+    EXPECT_TRUE(warns(scene, "move that mesh away from the roots")) << scene.stats.warnings.at(0);
+}
+
+TEST(IdleWind, is_told_once) {
+    const struct {
+        const char *wind, *said;
+    } cases[] = {
+        {"direction = [1, 0, 0]\n", "wind.speed is not given"},
+        {"jiggle = { frequency = 2 }\n", "wind.speed is not given"},
+        {"speed = 6\nresponse = [[0, 0], [9, 0]]\n", "wind.response is 0 at wind.speed = 6 m/s"},
+        {"speed = 6\nglobal_rotate = 0\n", "wind.global_rotate is 0"},
+        {"speed = 6\ncalm = 0\n", "wind.calm is 0 and there are no gusts"},
+        {"speed = 15\n", "wind.speed = 15 m/s is beyond the end of wind.response: strands bend as at 10 m/s"},
+        {"speed = 6\ngusts = { num_gusts = 5, center = [0, 99, 0], extent = [1, 1], distance = 9 }\n",
+         "gusts of frames 1 to 48 touches a strand, and wind.calm is 0"},
+        {"speed = 6\n[[wind.gusts.control]]\ntransform = { translate = [0, 9, 0] }\n",
+         "wind.gusts.control[0]: this gust touches no strand in frames 1 to 48"},
+    };
+    const std::string two = mesh("ground", "plane") + mesh("hill", "plane") +
+                            groom("grass", "ground", "count = 9\n") + groom("fern", "hill", "count = 9\n");
+    for (const auto& one : cases) {
+        TestScene scene(std::string("\n[wind]\n") + one.wind + two);
+        scene.settings.shot_frames = {1.0, 48.0};
+        scene.build();
+        ASSERT_EQ(scene.stats.warnings.size(), 1u) << one.wind;
+        EXPECT_NE(scene.stats.warnings[0].find(one.said), std::string::npos) << scene.stats.warnings[0];
+    }
+    for (const char* wind :
+         {"", "speed = 0\ndirection = [1, 0, 0]\n", "speed = 6\ncalm = 0.5\n",
+          "speed = 6\ngusts = { num_gusts = 40 }\n",
+          // the gust touches one of the two
+          "speed = 6\n[[wind.gusts.control]]\ntransform = { keys = [{ frame = 1, translate = [30, 0, "
+          "0] }, { frame = 40, translate = [20, 0, 0] }] }\n"}) {
+        TestScene scene(std::string("\n[wind]\n") + wind + mesh("ground", "plane") +
+                        mesh("hill", "plane", "transform = { translate = [20, 0, 0] }\n") +
+                        groom("grass", "ground", "count = 9\n") + groom("fern", "hill", "count = 9\n"));
+        scene.settings.shot_frames = {1.0, 48.0};
+        scene.build();
+        EXPECT_TRUE(scene.stats.warnings.empty()) << wind << ": " << scene.stats.warnings[0];
+    }
+}
+
+TEST(WindSummary, says_what_the_wind_does_in_the_shot) {
+    TestScene scene("\n[wind]\ndirection = [0, 0, -2]\nspeed = 6\njiggle = { frequency = 2 }\n"
+                    "gusts = { num_gusts = 40, radius_range = [1, 2] }\n" +
+                    mesh("ground", "plane") + groom("grass", "ground", "count = 9\n"));
+    scene.settings.shot_frames = {1.0, 48.0};
+    scene.build();
+    const std::string text = scene.geometry.procedurals[0]->summarize();
+    EXPECT_NE(
+        text.find(
+            "wind: towards -z, 6 m/s, strength 0.6 of 1 by response\n  between gusts: 0 of that (calm)\n"
+            "  gusts: 40 in each 240 frames, "),
+        std::string::npos)
+        << text;
+    EXPECT_NE(text.find(" in the shot touch strands (frames 1 to 48)\n  stages: gusts, bend, jiggle\n"),
+              std::string::npos)
+        << text;
+}
+
+} // namespace marram::testing

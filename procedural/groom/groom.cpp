@@ -306,7 +306,7 @@ MarramStatus leave_out_covered_roots(GroomInstance& instance, const std::functio
     std::vector<int> covered(count);
     std::vector<Vec3f> starts(count);
     Groom groom = instance.groom;
-    groom.cvs = 2; // only the first is looked at
+    groom.cvs = 2;                             // only the first is looked at
     const SkinPoses poses = instance.poses(0); // the mesh does not move
     marram::parallel_for(size_t{0}, (count + batch - 1) / batch, [&](size_t b) {
         if (cancelled()) return;
@@ -471,8 +471,9 @@ MarramStatus begin(MarramInstance* opaque, const MarramFrame* frame, MarramOutpu
              instance.wind.collision ? bounds_of_strands(instance) : everywhere(),
              instance.wind.gusts ? bounds_at_rest(instance) : everywhere(), &instance.trees});
         warn_of_gusts(instance.host, instance.groom.mesh_place, instance.chain);
+        instance.gust_bounds = instance.wind.gusts ? bounds_at_rest(instance) : Eigen::AlignedBox3d();
         if (!instance.gusts_checked && !skin_moves(instance))
-            warn_of_untouching_gusts(instance.host, instance.wind, instance.frame, bounds_at_rest(instance));
+            warn_of_untouching_gusts(instance.host, instance.wind, instance.frame, instance.gust_bounds);
         instance.gusts_checked = true;
         warn_of_rounding(instance);
         warn_of_length(instance);
@@ -500,7 +501,7 @@ MarramStatus summarize(MarramInstance* opaque, void (*sink)(void*, const char*),
         if (!sink) throw SceneFault("contract.null_sink", "", "the sink is NULL", "pass a function");
         if (!instance.begun)
             throw SceneFault("contract.no_frame", "", "no frame has begun", "call begin first");
-        sink(user, wind_summary(instance.wind, instance.frame, bounds_at_rest(instance)).c_str());
+        sink(user, wind_summary(instance.wind, instance.frame, instance.gust_bounds).c_str());
         return MARRAM_OK;
     });
 }

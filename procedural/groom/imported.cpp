@@ -504,10 +504,10 @@ MarramStatus begin_import(MarramInstance* opaque, const MarramFrame* frame, Marr
                                            everywhere(),
                                            &instance.trees});
         warn_of_gusts(instance.host, instance.settings.curves_place, instance.chain);
+        instance.gust_bounds = instance.wind.gusts ? bounds_of_import(instance) : Eigen::AlignedBox3d();
         if (!instance.gusts_checked && !instance.moves() && !instance.curves.curves.moves &&
             !(instance.mesh && instance.mesh->moves != 0))
-            warn_of_untouching_gusts(instance.host, instance.wind, instance.frame,
-                                     bounds_of_import(instance));
+            warn_of_untouching_gusts(instance.host, instance.wind, instance.frame, instance.gust_bounds);
         instance.gusts_checked = true;
         announce_long_work(instance, instance.past.window.count());
         instance.prepare_seconds = wall_seconds() - before;
@@ -614,7 +614,7 @@ MarramStatus summarize_import(MarramInstance* opaque, void (*sink)(void*, const 
         if (!sink) throw SceneFault("contract.null_sink", "", "the sink is NULL", "pass a function");
         if (!instance.begun)
             throw SceneFault("contract.no_frame", "", "no frame has begun", "call begin first");
-        sink(user, wind_summary(instance.wind, instance.frame, bounds_of_import(instance)).c_str());
+        sink(user, wind_summary(instance.wind, instance.frame, instance.gust_bounds).c_str());
         return MARRAM_OK;
     });
 }

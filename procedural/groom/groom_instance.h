@@ -84,6 +84,7 @@ struct GroomInstance {
     PastSkin past;
     GustStart gust_start;
     bool gusts_checked = false;        // whether any touches a strand
+    Eigen::AlignedBox3d gust_bounds;   // of the strands in the last frame begun, if there are gusts
     std::vector<float> radius_profile; // [cvs]: radius of a strand of width 1, half of Groom::width_profile
 
     Workers workers;

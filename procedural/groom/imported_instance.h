@@ -69,7 +69,8 @@ struct ImportInstance {
     ColliderTrees trees;
     PastSkin past; // its window is used even without a skin
     GustStart gust_start;
-    bool gusts_checked = false; // whether any touches a strand
+    bool gusts_checked = false;      // whether any touches a strand
+    Eigen::AlignedBox3d gust_bounds; // of the strands in the last frame begun, if there are gusts
     Workers workers;
 
     void warn(const char* id, const std::string& what, const std::string& remedy) const {

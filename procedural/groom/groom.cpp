@@ -586,7 +586,7 @@ void report(MarramInstance* opaque, void (*sink)(void*, const char*, double), vo
     GroomInstance& instance = self(opaque);
     size_t scratch = 0;
     const CollisionCounts counts = report_chain(instance.workers, sink, user, scratch);
-    warn_of_collisions(instance.host, instance.groom.mesh_place, instance.mesh, instance.time_count > 1,
+    warn_of_collisions(instance.host, instance.groom.mesh_place, instance.groom.mesh, instance.time_count > 1,
                        counts);
     const Wind& wind = instance.wind;
     if (instance.automatic.cvs) sink(user, "chosen.cvs", instance.groom.cvs);

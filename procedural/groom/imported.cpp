@@ -624,8 +624,8 @@ void report_import(MarramInstance* opaque, void (*sink)(void*, const char*, doub
     ImportInstance& instance = self_of(opaque);
     size_t scratch = 0;
     const CollisionCounts counts = report_chain(instance.workers, sink, user, scratch);
-    warn_of_collisions(instance.host, instance.settings.curves_place, instance.mesh, instance.time_count > 1,
-                       counts);
+    warn_of_collisions(instance.host, instance.settings.curves_place, instance.settings.mesh,
+                       instance.time_count > 1, counts);
     const Wind& wind = instance.wind;
     if (instance.automatic_rays) sink(user, "chosen.shield_rays", wind.shielding->rays);
     if (instance.automatic_step && instance.past.window.count() > 0)

@@ -158,15 +158,14 @@ std::string places_without_room(const CollisionCounts& counts, Count&& count) {
 
 } // namespace
 
-void warn_of_collisions(const MarramHost& host, const std::string& place, const MarramMesh* skin,
+void warn_of_collisions(const MarramHost& host, const std::string& place, const std::string& skin,
                         bool all_samples, const CollisionCounts& counts) {
     const std::string of = all_samples ? " (all motion samples together)" : "";
-    const std::string own = skin && skin->name ? skin->name : "";
     bool roots_at_others = false, roots_at_own = false, segments = false, dips_at_own = false;
     for (const auto& [mesh, at] : counts.no_room) {
-        (mesh == own ? roots_at_own : roots_at_others) |= at.roots > 0;
+        (mesh == skin ? roots_at_own : roots_at_others) |= at.roots > 0;
         segments |= at.segments > 0;
-        dips_at_own |= mesh == own && at.dips > 0;
+        dips_at_own |= mesh == skin && at.dips > 0;
     }
     if (counts.unresolved > 0) {
         std::string remedy;

@@ -59,8 +59,8 @@ void check_buffers(const MarramPatchBuffers* buffers, uint32_t time_count, bool 
 CollisionCounts report_chain(Workers& workers, ReportSink sink, void* user, size_t& scratch);
 
 // Warns of unresolved collisions and penetrations: how many, at which meshes, where, and what helps there. place: ""
-// or where the message points. skin: the mesh that strands grow on, or nullptr.
-void warn_of_collisions(const MarramHost& host, const std::string& place, const MarramMesh* skin,
+// or where the message points. skin: name of the mesh that strands grow on; "": none.
+void warn_of_collisions(const MarramHost& host, const std::string& place, const std::string& skin,
                         bool all_samples, const CollisionCounts& counts);
 
 // The amount of work of the chain in a frame.

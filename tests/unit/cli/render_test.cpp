@@ -383,7 +383,7 @@ TEST(Render, TransparentPictures) {
                             const std::vector<std::string>& more = {}) {
         std::vector<std::string> arguments = {"render", file, "-o", folder / out, "--quiet", "--spp", "16"};
         arguments.insert(arguments.end(), more.begin(), more.end());
-        EXPECT_DONE(marram(arguments, run_copy));
+        EXPECT_DONE(marram(arguments));
         return read_image(folder / out);
     };
     EXPECT_EQ(render("seen.png", scene).channels, 3);

@@ -142,7 +142,7 @@ void ContractValues::add(MarramParamType type, std::string name, const ParamValu
     out.place = texts_.emplace_back(to_string(value.place)).c_str();
     if (type == MARRAM_IMAGE) {
         out.grid = image(value);
-        out.placement = placement(value);
+        if (!has_udim(value.text)) out.placement = placement(value); // tiles lie where their numbers say
     }
     if (type == MARRAM_TABLE) out.grid = table(value, out);
     if (type == MARRAM_CURVES_NAME) add_attributes(out);

@@ -104,7 +104,7 @@ TEST(Texture, TilesOfGroomsAndWarnings) {
     const ProgramResult single = bake("fur.1002.png", "fur.1002.png");
     EXPECT_EQ(lines(single.err).size(), 2U) << single.err;
     EXPECT_CONTAINS(single.err, "is named as one tile, and repeats over the other squares of the uv of 'b'");
-    EXPECT_CONTAINS(single.err, "write \"fur.<UDIM>.png\"");
+    EXPECT_CONTAINS(single.err, "fur.<UDIM>.png\" for all tiles");
     fs::remove(folder / "fur.1001.png");
     const ProgramResult less = bake("fur.<UDIM>.png", "fur.<UDIM>.png");
     EXPECT_EQ(less.code, 0);

@@ -184,7 +184,7 @@ TEST(House, RunsTheLibrarysLoopsInOnePlace) {
 // Elsewhere a line that cannot be printed would end the run: output.h.
 TEST(House, PrintsInOnePlace) {
     static const std::regex prints("fmt::print|\\bf?printf\\(|std::(cout|cerr|clog)|\\bfputs\\(|\\bputs\\(");
-    for (const std::string& file : files_in({"core/cli"}))
+    for (const std::string& file : files_in(std::vector<std::string>{"core/cli"}))
         EXPECT_FALSE(!file.starts_with("core/cli/output.") &&
                      std::regex_search(read_file(source / file), prints))
             << file;

@@ -203,7 +203,7 @@ TEST(Surfaces, SamplesFollowTheDensity) {
 // The image multiplies the color; the tint blends the result towards tint_color.
 TEST(Surfaces, TintLiesOverTheImage) {
     struct Paint : Texture {
-        Vec3f at(const Vec2f&, float) const override { return {0.5F, 0.25F, 0.0F}; }
+        Vec3f at(const Vec2f&, float, Wrap) const override { return {0.5F, 0.25F, 0.0F}; }
     };
     const Material material = make_material(
         "surface",

@@ -105,8 +105,9 @@ void warn_of_untouching_gusts(const MarramHost& host, const Wind& wind, const Ma
         send(host, MARRAM_COMMON_WARNING, "gusts.no_contact", "wind.gusts",
              fmt::format("none of the {} gusts of frames {:g} to {:g} touches a strand{}", contacts.passing,
                          frames->x(), frames->y(), still),
-             "raise num_gusts or radius_range, or check center, extent, distance, start_frame_range and "
-             "life_range");
+             "give center, extent and distance near the strands (by default gusts start upwind of all meshes "
+             "that "
+             "collide or shelter), or check num_gusts, radius_range, start_frame_range and life_range");
     for (size_t i = 0; i < gusts.controls.size(); ++i)
         if (!contacts.controls[i])
             send(host, MARRAM_COMMON_WARNING, "gusts.no_contact", fmt::format("wind.gusts.control[{}]", i),

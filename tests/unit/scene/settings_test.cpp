@@ -116,7 +116,8 @@ TEST_F(Settings, ReachNamedElementsOfLists) {
         "--set procedural.sea.layer.crst.height=5: no element of procedural.sea.layer is named \"crst\": did "
         "you mean \"crest\"?, or write procedural.sea.layer[0] for its first element");
     expect({"procedural.sea.layer.crest.b=5"},
-           "--set procedural.sea.layer.crest.b=5: procedural.sea.layer.crest.b is unknown");
+           "--set procedural.sea.layer.crest.b=5: procedural.sea.layer.crest.b is an element of a list: add "
+           "one of its keys");
 }
 
 TEST_F(Settings, AddTablesAndTheLastOneCounts) {

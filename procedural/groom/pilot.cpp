@@ -75,11 +75,13 @@ double polygon_error(const WideVector<Wide3f>& coarse, const WideVector<Wide3f>&
     return percentile_99(distances);
 }
 
-void bend_sample(const PilotGroom& pilot, const RootSample& some, double frame, int cvs, Strands& strands) {
+// strength: of the wind that reaches the strands, 0 to 1.
+void bend_sample(const PilotGroom& pilot, const RootSample& some, double frame, int cvs, Strands& strands,
+                 double strength = 1.0) {
     strands.resize(int(some.roots.size()), cvs, false);
     expand(pilot.groom, pilot.wind, {pilot.bind, pilot.bind}, some.roots, strands, some.guides());
     scale_strands(strands, pilot.instance_scale);
-    const double response = wind_response(pilot.wind);
+    const double response = wind_response(pilot.wind) * strength;
     for (size_t i = 0; i < strands.envelope.size(); ++i) {
         const double u = double(i % size_t(cvs)) / double(cvs - 1);
         strands.envelope[i] = splat_float(float(std::clamp(pilot.groom.envelope(u), 0.0, 1.0) * response));
@@ -208,6 +210,24 @@ void measure_jiggle(const PilotGroom& pilot, std::span<const double> moments, in
     }
 }
 
+// The error of sheltered strands, m times CVs. The sheltered share of a strand is the mean over its CVs of what is 0 or 1,
+// both ends included: up to 1 / (2 CVs) off that of the whole strand, or of its edge where each CV has its own.
+double shelter_error(const PilotGroom& pilot, const RootSample& some, double frame) {
+    if (!pilot.wind.shielding) return 0.0;
+    constexpr int segments = 64;
+    constexpr double change =
+        0.1; // of the wind's strength; the pose is not linear in it, so two places are tried
+    Strands strands;
+    double error = 0.0;
+    for (const double strength : {1.0, 0.5}) {
+        bend_sample(pilot, some, frame, segments + 1, strands, strength);
+        const WideVector<Wide3f> pose = strands.pose;
+        bend_sample(pilot, some, frame, segments + 1, strands, strength - change);
+        error = std::max(error, polygon_error(strands.pose, pose, some.roots.size(), segments, 1) / change);
+    }
+    return 0.5 * pilot.wind.shielding->shield * error;
+}
+
 } // namespace
 
 Choice cvs_for(const PilotGroom& pilot) {
@@ -234,9 +254,10 @@ Choice cvs_for(const PilotGroom& pilot) {
         }
     }
     if (pilot.wind.jiggle) measure_jiggle(pilot, moments, least, distances);
+    const double sheltered = shelter_error(pilot, some, pilot.frame.bind_frame + moments[0]);
     const SegmentErrors errors(distances, least);
     for (int segments = least; segments <= most_segments; ++segments) {
-        if (safety_factor * errors.at(segments) <= tolerance &&
+        if (safety_factor * (errors.at(segments) + sheltered / (segments + 1)) <= tolerance &&
             pilot.instance_scale * width_error(pilot.groom, segments) <= tolerance)
             return {double(segments + 1), true};
     }

@@ -29,13 +29,13 @@ struct Choice {
     bool enough; // false: no allowed value reaches the tolerance
 };
 
-// The smallest CV count, 3 to 1000, for which the polygons of strands in full wind, without gusts and
-// shielding, and those of strands that jiggle in gusts, are within the tolerance of the limit of infinitely many CVs; likewise the widths. Measured with
-// 2, 4, 8, 16 and 32 segments against 64. Between and beyond these, the error falls by the power of the segment
-// count that was measured, at most the second. With
+// The smallest CV count, 3 to 1000, for which the polygons of strands in full wind without gusts, and of strands
+// that jiggle in gusts, are within the tolerance of the limit of infinitely many CVs; likewise the widths. Measured
+// with 2, 4, 8, 16 and 32 segments against 64. Between and beyond these, the error falls by the power of the segment
+// count that was measured, at most the second. Shelter adds its own error, which falls with the number of CVs. With
 // curls or frizz, the measurement starts at six segments per turn. Uses three moments that are fixed for the
 // shot, so the result depends on the description and the tolerance, not on the frame. Cost: 512 strands of
-// 132 CVs; with jiggle, also 600 of 132 CVs over its window.
+// 132 CVs; with jiggle, also 600 of 132 CVs over its window; with shielding, 680 of 65.
 Choice cvs_for(const PilotGroom& pilot);
 
 // A sample of strands of one CV count that swing on a static skin.

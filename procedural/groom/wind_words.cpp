@@ -106,13 +106,18 @@ void warn_of_untouching_gusts(const MarramHost& host, const Wind& wind, const Ma
              fmt::format("none of the {} gusts of frames {:g} to {:g} touches a strand{}", contacts.passing,
                          frames->x(), frames->y(), still),
              "give center, extent and distance near the strands (by default gusts start upwind of all meshes "
-             "that "
-             "collide or shelter), or check num_gusts, radius_range, start_frame_range and life_range");
-    for (size_t i = 0; i < gusts.controls.size(); ++i)
-        if (!contacts.controls[i])
-            send(host, MARRAM_COMMON_WARNING, "gusts.no_contact", fmt::format("wind.gusts.control[{}]", i),
-                 fmt::format("this gust touches no strand in frames {:g} to {:g}", frames->x(), frames->y()),
-                 "check its transform");
+             "that collide or shelter), or check num_gusts, radius_range, start_frame_range and life_range");
+    const auto first = std::ranges::find(contacts.controls, false);
+    if (first == contacts.controls.end()) return;
+    const auto missing = std::ranges::count(contacts.controls, false);
+    send(host, MARRAM_COMMON_WARNING, "gusts.no_contact",
+         fmt::format("wind.gusts.control[{}]", first - contacts.controls.begin()),
+         fmt::format("this gust{} no strand in frames {:g} to {:g}",
+                     missing > 1
+                         ? fmt::format(" and {} more of {} touch", missing - 1, contacts.controls.size())
+                         : std::string(" touches"),
+                     frames->x(), frames->y()),
+         "check the transforms");
 }
 
 std::string wind_summary(const Wind& wind, const MarramFrame& frame, const Eigen::AlignedBox3d& strands) {

@@ -345,6 +345,7 @@ TEST(Limits, LongWorkOnStrandsOfAFileIsAnnounced) {
 TEST(Limits, TheShareOfTheWayIsAShare) {
     const Folder folder;
     SceneText text;
+    text.groom += "clear_of = \"none\"\n";
     text.wind = "speed = 6\nglobal_rotate = 0.01\ncollision = { solver = \"exact\" }\n";
     text.more = "[[mesh]]\nname = \"stone\"\ntype = \"sphere\"\nradius = 0.9\ndivisions = 8\n";
     const ProgramResult outcome = marram(

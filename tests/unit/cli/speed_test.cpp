@@ -66,7 +66,7 @@ double stat(const Folder& folder, const std::string& scene, const char* name,
 // long. It was 64 times when each segment looked ahead to the tip.
 TEST(Speed, OfContactIsLinearInCvs) {
     const Folder folder;
-    SceneText text{.groom = "count = 500\nlength = [0.3, 0.5]\nwidth = 0.002\n"};
+    SceneText text{.groom = "count = 500\nlength = [0.3, 0.5]\nwidth = 0.002\nclear_of = \"none\"\n"};
     text.wind = "speed = 6\nglobal_rotate = 1\nnoise = { amplitude = 0.5, frequency = 2 }\n"
                 "collision = { solver = \"exact\" }\n";
     text.more = "[[mesh]]\nname = \"stone\"\ntype = \"sphere\"\nradius = 0.6\ndivisions = 30\n";
@@ -85,7 +85,7 @@ TEST(Speed, OfLoadingIsLinearInGusts) {
         for (int i = 0; i < gusts; ++i)
             text.more += fmt::format("[[wind.gusts.control]]\nshape = \"sphere\"\n"
                                      "transform = {{ translate = [{}, 0, 0] }}\n",
-                                     100 + i);
+                                     1e-5 * i);
         return folder.write(fmt::format("{}.toml", gusts), text);
     };
     const std::string few = scene_with(1000), many = scene_with(8000);

@@ -82,12 +82,16 @@ Film make_film(uint32_t width, uint32_t height, std::span<const std::string> nam
         film.stride += layer.sum_count + 1;
         film.layers.push_back(std::move(layer));
     }
+    // clear() keeps their number.
+    if (std::ranges::any_of(world.meshes, &MeshGeometry::shadow_catcher))
+        film.catchers.resize(static_cast<size_t>(width) * height);
     clear(film);
     return film;
 }
 
 void clear(Film& film) {
     const size_t pixel_count = static_cast<size_t>(film.width) * film.height;
+    film.catchers.assign(film.catchers.size(), {});
     film.sums.assign(pixel_count * film.stride, 0.0);
     film.pixel_states.assign(pixel_count, {});
 }
@@ -138,10 +142,9 @@ double clamped_fraction(const Film& film) {
 void resolve(Film& film) {
     const size_t pixel_count = static_cast<size_t>(film.width) * film.height;
     const auto shadow_alpha = [&](size_t i) { // alpha sum of the samples on shadow catchers
-        const FilmPixel& pixel = film.pixel_states[i];
-        return pixel.catcher_full_sum > 0.0
-                   ? pixel.catcher_samples * (1.0 - pixel.catcher_lit_sum / pixel.catcher_full_sum)
-                   : 0.0;
+        if (film.catchers.empty()) return 0.0;
+        const CatcherSums& caught = film.catchers[i];
+        return caught.full > 0.0 ? caught.samples * (1.0 - caught.lit / caught.full) : 0.0;
     };
     for (FilmLayer& layer : film.layers) {
         layer.values.resize(pixel_count * layer.channels);

@@ -46,7 +46,7 @@ struct FilmLayer {
     std::vector<float> values; // filled by resolve: rows from the top, channels interleaved
 };
 
-// State of a pixel. A resumed render needs this and the sums of the layers, nothing else.
+// State of a pixel. A resumed render needs this, the sums of the layers and CatcherSums, nothing else.
 struct FilmPixel {
     uint32_t next_sample = 0; // index in its sequence; earlier ones were taken, or skipped when converged
     uint32_t samples = 0;     // taken, including non-finite ones
@@ -55,9 +55,6 @@ struct FilmPixel {
     double block_luminance_sum = 0.0;    // of luminance over complete blocks of samples_per_block samples
     double block_luminance_sq_sum = 0.0; // over complete blocks: of the square of a block's luminance sum
     double clamped_luminance_sum = 0.0;  // luminance that RenderSettings::indirect_clamp removed
-    // Over the samples that hit a shadow catcher: their number, the luminance of direct light that it scatters, and that
-    // without shadows.
-    double catcher_samples = 0.0, catcher_lit_sum = 0.0, catcher_full_sum = 0.0;
     // Standard deviation of one sample's luminance, from the variance averaged over the 5x5 neighbourhood
     // after the last complete pass; 0: not yet known.
     float luminance_stddev = 0.0F;
@@ -68,12 +65,10 @@ struct FilmPixel {
 template <typename Pixel, typename Visit>
 constexpr void visit_fields(Pixel& pixel, Visit&& visit) {
     auto& [next_sample, samples, converged, luminance_sum, luminance_sq_sum, block_luminance_sum,
-           block_luminance_sq_sum, clamped_luminance_sum, catcher_samples, catcher_lit_sum, catcher_full_sum,
-           luminance_stddev] = pixel;
+           block_luminance_sq_sum, clamped_luminance_sum, luminance_stddev] = pixel;
     const auto each = [&](auto&... fields) { (visit(fields), ...); };
     each(next_sample, samples, converged, luminance_sum, luminance_sq_sum, block_luminance_sum,
-         block_luminance_sq_sum, clamped_luminance_sum, catcher_samples, catcher_lit_sum, catcher_full_sum,
-         luminance_stddev);
+         block_luminance_sq_sum, clamped_luminance_sum, luminance_stddev);
 }
 inline constexpr uint32_t film_pixel_field_count = [] {
     FilmPixel pixel;
@@ -82,6 +77,13 @@ inline constexpr uint32_t film_pixel_field_count = [] {
     return count;
 }();
 
+// Over the samples of a pixel that hit a shadow catcher: their number, the luminance of direct light that
+// it scatters, and that without shadows.
+struct CatcherSums {
+    double samples = 0.0, lit = 0.0, full = 0.0;
+    bool operator==(const CatcherSums&) const = default;
+};
+
 struct Film {
     uint32_t width = 0, height = 0;
     std::vector<FilmLayer> layers;
@@ -89,6 +91,7 @@ struct Film {
     std::vector<double> sums; // width * height * stride
 
     std::vector<FilmPixel> pixel_states; // width * height
+    std::vector<CatcherSums> catchers;   // width * height; empty: no mesh of the world is a shadow catcher
     bool transparent = false; // pictures without an alpha channel of their own, such as PNG, need one
 };
 

@@ -537,9 +537,10 @@ void render_pixel(const RenderContext& context, uint32_t x, uint32_t y, uint32_t
             add_sample(context, radiance, first, film, sums);
             float noise = luminance(radiance);
             if (path.caught) { // its noise is the shadow's
-                pixel.catcher_samples += 1.0;
-                pixel.catcher_lit_sum += double(path.caught->lit);
-                pixel.catcher_full_sum += double(path.caught->full);
+                CatcherSums& caught = film.catchers[pixel_index];
+                caught.samples += 1.0;
+                caught.lit += double(path.caught->lit);
+                caught.full += double(path.caught->full);
                 noise += path.caught->lit;
             }
             add_luminance(pixel, noise);

@@ -19,12 +19,21 @@ namespace marram {
 namespace {
 
 constexpr std::string_view magic = "marram frame state ",
-                           format_version = "3 "; // change it when the channels change
+                           format_version = "4 "; // change it when the channels change
+
+constexpr uint32_t catcher_channels = 3; // the fields of CatcherSums
+
+uint32_t channels_of(const Film& film) {
+    return film.stride + film_pixel_field_count + (film.catchers.empty() ? 0 : catcher_channels);
+}
 
 void pack_row(const Film& film, int y, double* to) {
     for (size_t i = size_t(y) * film.width; i < size_t(y + 1) * film.width; ++i) {
         to = std::copy_n(film.sums.data() + i * film.stride, film.stride, to);
         visit_fields(film.pixel_states[i], [&](const auto& value) { *to++ = double(value); });
+        if (film.catchers.empty()) continue;
+        const CatcherSums& caught = film.catchers[i];
+        for (const double sum : {caught.samples, caught.lit, caught.full}) *to++ = sum;
     }
 }
 
@@ -41,13 +50,16 @@ void unpack_row(const double* from, int y, Film& film) {
         std::copy_n(from, film.stride, film.sums.data() + i * film.stride);
         from += film.stride;
         visit_fields(film.pixel_states[i], [&](auto& value) { unpack(*from++, value); });
+        if (film.catchers.empty()) continue;
+        film.catchers[i] = {from[0], from[1], from[2]};
+        from += catcher_channels;
     }
 }
 
 uint64_t checksum(const Film& film) {
     std::vector<uint64_t> rows(film.height);
     tbb::parallel_for(uint32_t(0), film.height, [&](uint32_t y) {
-        std::vector<double> row(size_t(film.width) * (film.stride + film_pixel_field_count));
+        std::vector<double> row(size_t(film.width) * channels_of(film));
         pack_row(film, int(y), row.data());
         for (const double value : row) rows[y] = hash(rows[y], std::bit_cast<uint64_t>(value));
     });
@@ -57,7 +69,7 @@ uint64_t checksum(const Film& film) {
 }
 
 DoublesHeader header_of(const Film& film, const std::string& samples_digest) {
-    return {int(film.width), int(film.height), int(film.stride + film_pixel_field_count),
+    return {int(film.width), int(film.height), int(channels_of(film)),
             fmt::format("{}{}{} ", magic, format_version, samples_digest)};
 }
 

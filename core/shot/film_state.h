@@ -3,9 +3,9 @@
 // continues.
 //
 // The file is a TIFF of doubles (core/image/doubles.h). A pixel holds the sums and counts of all layers in
-// their order (Film::sums), then the fields of FilmPixel. ImageDescription is "marram frame state", the format
-// version, samples_digest (FrameFiles) and a checksum of the restored film: uncompressed TIFF does not detect
-// changed bits.
+// their order (Film::sums), then the fields of FilmPixel, then CatcherSums if the film has them
+// (Film::catchers). ImageDescription is "marram frame state", the format version, samples_digest
+// (FrameFiles) and a checksum of the restored film: uncompressed TIFF does not detect changed bits.
 #pragma once
 
 #include "core/render/film.h"

@@ -411,4 +411,24 @@ TEST(Render, TransparentPictures) {
     EXPECT_GT(shadow, 20U);
 }
 
+// A run that time ends goes on with the sums of its shadow catchers.
+TEST(Render, ShadowCatchersResume) {
+    const Folder folder;
+    std::string text = SceneText();
+    text.insert(text.find("[[mesh]]"), "seen_by_camera = false\n");
+    const std::string scene = folder.write("a.toml", text);
+    const auto render = [&](const std::string& out, const std::vector<std::string>& more) {
+        std::vector<std::string> arguments = {"render",     scene,   "-o",
+                                              folder / out, "--set", "mesh.ground.shadow_catcher=true",
+                                              "--quiet",    "--spp", "400"};
+        arguments.insert(arguments.end(), more.begin(), more.end());
+        EXPECT_EQ(marram(arguments).code, 0);
+    };
+    render("a.exr", {"--seconds", "0.001"});
+    ASSERT_TRUE(fs::exists(folder / "a.exr.state.tif"));
+    render("a.exr", {"--resume"});
+    render("b.exr", {});
+    EXPECT_TRUE(same_picture(folder / "a.exr", folder / "b.exr"));
+}
+
 } // namespace marram::testing

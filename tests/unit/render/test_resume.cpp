@@ -62,6 +62,7 @@ class Resume : public ::testing::Test {
     static void expect_same(const Film& a, const Film& b) {
         EXPECT_EQ(a.sums, b.sums);
         EXPECT_TRUE(a.pixel_states == b.pixel_states);
+        EXPECT_TRUE(a.catchers == b.catchers);
         for (size_t i = 0; i < a.layers.size(); ++i)
             EXPECT_EQ(a.layers[i].values, b.layers[i].values) << a.layers[i].name;
     }
@@ -191,6 +192,22 @@ TEST_F(Resume, DroppedSamplesCount) {
     EXPECT_EQ(second.mean_samples, 50.0);
     EXPECT_EQ(second.max_samples, 50U);
     expect_same(film, whole);
+}
+
+// Only films of worlds with a shadow catcher have memory for it.
+TEST_F(Resume, ShadowCatchersHaveSumsOfTheirOwn) {
+    EXPECT_EQ(sizeof(FilmPixel), 64U);
+    EXPECT_EQ(empty().catchers.size(), 0U);
+    builder_.world.meshes[0].shadow_catcher = true;
+    Film film = empty();
+    EXPECT_EQ(film.catchers.size(), film.pixel_states.size());
+    for (const uint32_t samples : {3U, 5U, 22U, 40U}) {
+        continue_render(film, samples);
+        expect_same(film, uninterrupted_render(samples));
+    }
+    EXPECT_TRUE(std::ranges::any_of(film.catchers, [](const auto& c) { return c.full > c.lit; }));
+    clear(film);
+    EXPECT_TRUE(film.catchers == empty().catchers);
 }
 
 TEST_F(Resume, AFilmIsShownBetweenPasses) {

@@ -2,6 +2,12 @@
 // A part is a connected component of the graph whose nodes are triangles and whose links are edges with exactly two of them. A search
 // over it gives each triangle a sign relative to the first: neighbours that run along their edge in the same direction
 // have opposite signs. Triangles with two corners at one position are ignored: they have no side.
+//
+// A closed part of negative volume is a cavity if the other parts wind around it. The winding number of a
+// point is a sum along a ray in +x: +1 for each triangle that it leaves through, -1 for each that it enters
+// through. It is 1 in a body, 0 in a cavity of it, and 0 outside, also in a notch. Whether a triangle
+// covers the point, seen along x, is decided edge by edge, with the same arithmetic for both triangles at
+// an edge: rays through edges and vertices are counted once.
 #include "core/geometry/mesh_sides.h"
 
 #include <algorithm>
@@ -120,7 +126,6 @@ struct PartSums {
     double area = 0.0, turned_area = 0.0, volume = 0.0; // volume: with the turned ones turned
     double normals_area =
         0.0; // where vertex normals are on the same side, less that where they are on the other
-    Box3f bounds;
 };
 
 PartSums sums_of(const Part& part, const Mesh& mesh, const std::vector<char>& turned) {
@@ -134,7 +139,6 @@ PartSums sums_of(const Part& part, const Mesh& mesh, const std::vector<char>& tu
         sums.area += area;
         sums.turned_area += turned[t] != 0 ? area : 0.0;
         sums.volume += sign * a.dot(cross) / 6.0;
-        for (const uint32_t v : corners) sums.bounds.extend(mesh.positions[v]);
         if (mesh.normals.empty()) continue;
         double side = 0.0;
         for (const uint32_t v : corners) side += sign * mesh.normals[v].cast<double>().dot(cross);
@@ -145,24 +149,78 @@ PartSums sums_of(const Part& part, const Mesh& mesh, const std::vector<char>& tu
 
 struct ClosedPart {
     double volume;
-    Box3f bounds;
-    Vec3f place;
+    std::vector<uint32_t> triangles;
 };
 
-// Closed parts of negative volume. A cavity is one too: it lies in the bounds of another part.
-void count_inside_out(std::vector<ClosedPart>& parts, MeshSides& sides) {
-    constexpr size_t most_hosts = 64; // the largest parts: the rest are no hosts of cavities worth the time
-    sides.closed_parts = parts.size();
-    std::stable_sort(parts.begin(), parts.end(),
-                     [](const auto& a, const auto& b) { return a.volume > b.volume; });
-    for (const ClosedPart& part : parts) {
-        if (part.volume >= 0.0) continue;
-        bool cavity = false;
-        for (size_t i = 0; i < std::min(parts.size(), most_hosts) && parts[i].volume > 0.0; ++i)
-            cavity |= parts[i].bounds.contains(part.bounds);
-        if (cavity) continue;
-        if (sides.inside_out++ == 0) sides.first_inside_out = part.place;
+Vec3f centroid(const Mesh& mesh, uint32_t t) {
+    const auto& [a, b, c] = mesh.triangles[t];
+    return (mesh.positions[a] + mesh.positions[b] + mesh.positions[c]) / 3.0F;
+}
+
+// A point of a part, and how often the other parts wind around it.
+struct Probe {
+    Vec3f point;
+    size_t part;
+    int winding = 0;
+};
+
+// What a triangle adds to the winding number of a point; corners relative to the point.
+int crossing(const std::array<Vec3d, 3>& corners) {
+    int covers = 0; // seen along x: 1 anticlockwise, -1 clockwise
+    for (size_t k = 0; k < 3; ++k) {
+        const Vec3d &from = corners[k], &to = corners[(k + 1) % 3];
+        const bool rises = from.y() <= 0.0 && to.y() > 0.0, falls = to.y() <= 0.0 && from.y() > 0.0;
+        if (!rises && !falls) continue;
+        const Vec3d &low = rises ? from : to, &high = rises ? to : from;
+        if (low.z() * high.y() - low.y() * high.z() > 0.0) covers += rises ? -1 : 1;
     }
+    return corners[0].dot(corners[1].cross(corners[2])) * covers > 0.0 ? covers : 0;
+}
+
+// turned: as for sums_of(). probes: sorted by y.
+void add_windings(const Mesh& mesh, const std::vector<char>& turned, const std::vector<ClosedPart>& parts,
+                  std::vector<Probe>& probes) {
+    const auto y_of = [](const Probe& probe) { return probe.point.y(); };
+    for (size_t part = 0; part < parts.size(); ++part)
+        for (const uint32_t t : parts[part].triangles) {
+            const auto& [a, b, c] = mesh.triangles[t];
+            const Vec3f &p = mesh.positions[a], &q = mesh.positions[b], &r = mesh.positions[c];
+            const auto [bottom, top] = std::minmax({p.y(), q.y(), r.y()});
+            const auto [near, far] = std::minmax({p.z(), q.z(), r.z()});
+            for (auto probe = std::ranges::lower_bound(probes, bottom, {}, y_of);
+                 probe != probes.end() && probe->point.y() <= top; ++probe) {
+                if (probe->part == part || probe->point.z() < near || probe->point.z() > far) continue;
+                const Vec3d point = probe->point.cast<double>();
+                const int sign = turned[t] != 0 ? -1 : 1;
+                probe->winding +=
+                    sign * crossing({Vec3d(p.cast<double>() - point), Vec3d(q.cast<double>() - point),
+                                     Vec3d(r.cast<double>() - point)});
+            }
+        }
+}
+
+// Closed parts of negative volume that are no cavities. A cavity has all its probes in other parts; a part
+// that crosses another has some outside.
+void count_inside_out(const Mesh& mesh, const std::vector<char>& turned, const std::vector<ClosedPart>& parts,
+                      MeshSides& sides) {
+    constexpr size_t probes_per_part = 16;
+    sides.closed_parts = parts.size();
+    std::vector<Probe> probes;
+    for (size_t i = 0; i < parts.size(); ++i) {
+        const std::vector<uint32_t>& triangles = parts[i].triangles;
+        const size_t step = (triangles.size() + probes_per_part - 1) / probes_per_part;
+        for (size_t k = 0; k < triangles.size() && parts[i].volume < 0.0; k += step)
+            probes.push_back({centroid(mesh, triangles[k]), i});
+    }
+    if (probes.empty()) return;
+    std::ranges::sort(probes, {}, [](const Probe& probe) { return probe.point.y(); });
+    add_windings(mesh, turned, parts, probes);
+    std::vector<char> outside(parts.size(), 0);
+    for (const Probe& probe : probes)
+        if (probe.winding <= 0) outside[probe.part] = 1;
+    for (size_t i = 0; i < parts.size(); ++i)
+        if (outside[i] != 0 && sides.inside_out++ == 0)
+            sides.first_inside_out = centroid(mesh, parts[i].triangles[0]);
 }
 
 void swap_sides(Triangle& triangle) { std::swap(triangle[1], triangle[2]); }
@@ -176,13 +234,9 @@ MeshSides settle_sides(Mesh& mesh) {
     const std::vector<uint32_t> links = links_of(welded);
     std::vector<char> visited(mesh.triangles.size(), 0), turned(mesh.triangles.size(), 0);
     std::vector<ClosedPart> closed;
-    const auto centroid = [&](uint32_t t) {
-        const auto& [a, b, c] = mesh.triangles[t];
-        return Vec3f((mesh.positions[a] + mesh.positions[b] + mesh.positions[c]) / 3.0F);
-    };
     for (uint32_t start = 0; start < mesh.triangles.size(); ++start) {
         if (visited[start] != 0 || welded.collapsed(start)) continue;
-        const Part part = part_from(start, welded, links, visited, turned);
+        Part part = part_from(start, welded, links, visited, turned);
         const auto turn_all = [&] {
             for (const uint32_t t : part.triangles) turned[t] = static_cast<char>(turned[t] == 0);
         };
@@ -203,14 +257,14 @@ MeshSides settle_sides(Mesh& mesh) {
             turn_all();
             sums.volume = -sums.volume;
         }
-        if (encloses) closed.push_back({sums.volume, sums.bounds, centroid(start)});
+        if (encloses) closed.push_back({sums.volume, std::move(part.triangles)});
     }
     MeshSides sides;
-    count_inside_out(closed, sides);
+    count_inside_out(mesh, turned, closed, sides);
     for (uint32_t t = 0; t < mesh.triangles.size(); ++t) {
         if (turned[t] == 0) continue;
         swap_sides(mesh.triangles[t]);
-        if (sides.turned++ == 0) sides.first_turned = centroid(t);
+        if (sides.turned++ == 0) sides.first_turned = centroid(mesh, t);
     }
     return sides;
 }

@@ -15,7 +15,7 @@ struct MeshSides {
     size_t turned = 0; // triangles
     Vec3f first_turned = Vec3f::Zero();
     size_t closed_parts = 0;
-    size_t inside_out = 0; // of closed_parts: of negative volume, and not a cavity in another part
+    size_t inside_out = 0; // of closed_parts: of negative volume, and not cavities in other parts
     Vec3f first_inside_out = Vec3f::Zero();
 };
 

@@ -358,6 +358,30 @@ std::string cube(double h, bool inwards, int first = 0) {
     return text.str();
 }
 
+// A prism over an anticlockwise polygon in x and y, between two z. Other parameters: as for cube().
+std::string prism(const std::vector<Vec2d>& polygon, double low, double high, bool inwards, int first = 0) {
+    const int n = int(polygon.size());
+    std::ostringstream text;
+    for (const double z : {low, high})
+        for (const Vec2d& p : polygon) text << "v " << p.x() << ' ' << p.y() << ' ' << z << "\n";
+    std::vector<std::vector<int>> faces(2);
+    for (int i = 0; i < n; ++i) {
+        faces[0].push_back(n - 1 - i);
+        faces[1].push_back(n + i);
+        faces.push_back({i, (i + 1) % n, n + (i + 1) % n, n + i});
+    }
+    for (std::vector<int>& f : faces) {
+        if (inwards) std::ranges::reverse(f);
+        text << "f";
+        for (const int v : f) text << ' ' << first + v + 1;
+        text << "\n";
+    }
+    return text.str();
+}
+std::vector<Vec2d> square(double x, double y, double half) {
+    return {{x - half, y - half}, {x + half, y - half}, {x + half, y + half}, {x - half, y + half}};
+}
+
 struct MeshSidesTest : MeshFiles {
     MeshSides sides;
     Mesh settled(const std::string& bytes, bool smooth = true, bool flip = false) {
@@ -418,6 +442,36 @@ TEST_F(MeshSidesTest, ClosedPartsFaceOutwards) {
     EXPECT_GT(volume(settled(one)), 7.9);
     EXPECT_EQ(sides.turned, 2U);
     EXPECT_EQ(sides.inside_out, 0U);
+}
+
+// A part is a cavity if it lies in another part, not in its bounds only.
+TEST_F(MeshSidesTest, CavitiesLieInOtherParts) {
+    const std::vector<Vec2d> corner = {{0, 0}, {4, 0}, {4, 1}, {1, 1}, {1, 4}, {0, 4}}; // an L
+    const std::string body = prism(corner, 0, 1, false);
+    const auto inside_out = [&](const std::string& text, size_t parts) {
+        settled(text);
+        EXPECT_EQ(sides.closed_parts, parts);
+        return sides.inside_out;
+    };
+    EXPECT_EQ(inside_out(body, 1), 0U);
+    EXPECT_EQ(inside_out(body + prism(square(3, 3, 0.5), 0.2, 0.8, true, 12), 2), 1U) << "in its notch";
+    EXPECT_GT(sides.first_inside_out.x(), 2.0F);
+    EXPECT_EQ(inside_out(body + prism(square(3, 3, 0.5), 0.2, 0.8, false, 12), 2), 0U);
+    EXPECT_EQ(inside_out(body + prism(square(3, 0.5, 0.3), 0.2, 0.8, true, 12), 2), 0U) << "a cavity";
+    EXPECT_EQ(inside_out(body + prism(square(0.5, 3, 0.3), 0.2, 0.8, true, 12), 2), 0U) << "a cavity";
+    EXPECT_EQ(inside_out(body + prism(square(0.5, 3, 0.9), 0.2, 0.8, true, 12), 2), 1U)
+        << "it crosses the body";
+    // Rays along the axes run through edges of these.
+    EXPECT_EQ(inside_out(cube(2, false) + cube(1, true, 8) + cube(0.5, false, 16), 3), 0U)
+        << "a body in a cavity";
+    EXPECT_EQ(inside_out(cube(2, false) + cube(1, true, 8) + cube(0.5, true, 16), 3), 1U)
+        << "a body in a cavity";
+    EXPECT_LT(sides.first_inside_out.norm(), 1.0F);
+    // Their triangles agree after some have been turned.
+    std::string turned = cube(2, false);
+    turned.replace(turned.find("f 1 3 4 2"), 9, "f 2 4 3 1");
+    EXPECT_EQ(inside_out(turned + cube(1, true, 8), 2), 0U);
+    EXPECT_EQ(sides.turned, 2U);
 }
 
 TEST_F(MeshSidesTest, AStripWithOneSideIsLeftAlone) {

@@ -175,7 +175,7 @@ Mesh load_mesh(const std::string& path, const MeshLoading& loading) {
                          "save it as .obj, .ply or .vdb");
     constexpr const char* kinds = ".obj, .ply or .vdb";
     std::string bytes = extension == ".vdb" ? read_bytes(path, kinds) : read_text(path, kinds);
-    Mesh mesh = extension == ".obj"   ? read_obj(path, bytes)
+    Mesh mesh = extension == ".obj"   ? read_obj(path, bytes, loading.warnings)
                 : extension == ".ply" ? read_ply(path, bytes)
                                       : read_vdb(path, bytes);
     if (mesh.triangles.empty())

@@ -29,6 +29,8 @@ struct MeshLoading {
     // Of a mesh that deforms: its first shape. Its triangles are taken, sides included, if this file's are the same but for sides.
     const Mesh* first_shape = nullptr;
     MeshSides* sides = nullptr; // receives what settle_sides() found
+    // Receives a line for uvs and normals that faces of an OBJ refer to and that the file does not have.
+    std::vector<std::string>* warnings = nullptr;
 };
 
 // Reads .obj, .ply (ascii, binary of either byte order), or .vdb: the surface of the first level set of floats, with one

@@ -54,6 +54,8 @@ class Scan {
     bool has_dangling(Kind kind) const {
         return kind != position && counts_[kind] == 0 && (forward_[kind] > 0 || backward_offset_[kind] > 0);
     }
+    // One line about the faces that name such uvs or normals; "" if there are none.
+    std::string dangling_warning() const;
     size_t corners() const { return corners_; }
     size_t faces() const { return faces_; }
 
@@ -74,6 +76,7 @@ class Scan {
         while (at < end && !is_blank(bytes_[at])) ++at;
         return at;
     }
+    Place place(size_t offset) const;
     [[noreturn]] void fail(size_t offset, const std::string& what, const std::string& fix) const;
 
     const std::string& path_;
@@ -86,15 +89,39 @@ class Scan {
     size_t forward_offset_[kind_count] = {0, 0, 0};
     // The first index of each kind that counts back although none is defined yet; 0: there is none.
     size_t backward_offset_[kind_count] = {0, 0, 0};
+    // Of each kind: number of faces with an index of it, the first such index, the last such face (from 1).
+    size_t naming_faces_[kind_count] = {0, 0, 0};
+    size_t naming_offset_[kind_count] = {0, 0, 0}, last_naming_[kind_count] = {0, 0, 0};
 };
 
-void Scan::fail(size_t offset, const std::string& what, const std::string& fix) const {
+Place Scan::place(size_t offset) const {
     // Restore the joined newlines, so that lines are counted correctly.
     std::string text = bytes_.substr(0, offset);
     for (size_t newline : joined_)
         if (newline < offset) text[newline] = '\n';
     text += '\n';
-    throw InputError(place_of(path_, text, offset), what, fix);
+    return place_of(path_, text, offset);
+}
+
+void Scan::fail(size_t offset, const std::string& what, const std::string& fix) const {
+    throw InputError(place(offset), what, fix);
+}
+
+std::string Scan::dangling_warning() const {
+    std::string names;
+    size_t faces = 0, first = bytes_.size();
+    for (const Kind kind : {uv, normal}) {
+        if (!has_dangling(kind)) continue;
+        names +=
+            fmt::format("{}{}s ({})", names.empty() ? "" : " and ", kind_names[kind], kind_keywords[kind]);
+        faces = std::max(faces, naming_faces_[kind]);
+        first = std::min(first, naming_offset_[kind]);
+    }
+    if (faces == 0) return "";
+    return fmt::format("{}: {} to {} that the file does not have, read without them: export the mesh with "
+                       "them, or without these indices",
+                       to_string(place(first)),
+                       faces == 1 ? "a face refers" : fmt::format("{} faces refer", faces), names);
 }
 
 void Scan::run() {
@@ -181,6 +208,10 @@ void Scan::corner(size_t begin, size_t end) {
 
 void Scan::index(Kind kind, size_t begin, size_t end) {
     const std::string_view text = token(begin, end);
+    if (last_naming_[kind] != faces_ + 1) { // the first index of this kind in this face
+        if (naming_faces_[kind]++ == 0) naming_offset_[kind] = begin;
+        last_naming_[kind] = faces_ + 1;
+    }
     constexpr int64_t most = std::numeric_limits<int32_t>::max(); // tinyobjloader's limit
     int64_t value = 0;
     const WholeFault fault = parse_whole(text, -most, most, value);
@@ -347,9 +378,11 @@ class Splitter {
 
 } // namespace
 
-Mesh read_obj(const std::string& path, std::string& bytes) {
+Mesh read_obj(const std::string& path, std::string& bytes, std::vector<std::string>* warnings) {
     Scan scan(path, bytes);
     scan.run();
+    if (std::string warning = scan.dangling_warning(); warnings && !warning.empty())
+        warnings->push_back(std::move(warning));
     if (scan.corners() > greatest_count)
         throw InputError(Place{path}, "has more than 4,294,967,294 corners", "split it into several files");
     ObjData data = parse(path, bytes, scan);

@@ -16,12 +16,15 @@ namespace marram {
 namespace {
 
 std::string mesh_text(const std::string& path) {
-    const Mesh mesh = load_mesh(path, false);
+    std::vector<std::string> warnings;
+    const Mesh mesh = load_mesh(path, {.smooth = false, .warnings = &warnings});
     Eigen::AlignedBox3f box;
     for (const Vec3f& position : mesh.positions) box.extend(position);
-    return fmt::format("mesh: {} vertices, {} triangles, {}, {}\nbounds: {}\n", mesh.positions.size(),
-                       mesh.triangles.size(), mesh.uvs.empty() ? "no uvs" : "uvs",
-                       mesh.normals.empty() ? "no normals" : "normals", box_text(box));
+    std::string text = fmt::format(
+        "mesh: {} vertices, {} triangles, {}, {}\nbounds: {}\n", mesh.positions.size(), mesh.triangles.size(),
+        mesh.uvs.empty() ? "no uvs" : "uvs", mesh.normals.empty() ? "no normals" : "normals", box_text(box));
+    for (const std::string& warning : warnings) text += fmt::format("note: {}\n", warning);
+    return text;
 }
 
 std::string range_text(const std::vector<float>& values, const char* unit) {

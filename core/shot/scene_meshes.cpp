@@ -92,8 +92,9 @@ Mesh load_mesh_item(const Item& item, std::vector<std::string>& warnings) {
         return mesh;
     }
     MeshSides sides;
-    Mesh mesh = load_mesh(numbered_files(item).front().second,
-                          {.smooth = item.params.boolean("smooth"), .flip = flip, .sides = &sides});
+    Mesh mesh = load_mesh(
+        numbered_files(item).front().second,
+        {.smooth = item.params.boolean("smooth"), .flip = flip, .sides = &sides, .warnings = &warnings});
     warn_of_sides(item, sides, mesh.triangles.size(), warnings);
     return mesh;
 }

@@ -105,6 +105,12 @@ TEST(Deform, sides_that_cannot_be_meant_are_warnings) {
     EXPECT_CONTAINS(mixed, "the first at (");
     EXPECT_EQ(lines(mixed).size(), 1U);
     EXPECT_GT(most, 400U);
+    folder.write("named.obj", corners + "f 1//1 4//1 3//1 2//1\nf 5//2 6//2 7//2 8//2\n"); // and no vn
+    const auto [named, grown] = bake("named.obj\"");
+    EXPECT_CONTAINS(named,
+                    folder / "named.obj:9:6: 2 faces refer to normals (vn) that the file does not have");
+    EXPECT_EQ(lines(named).size(), 1U);
+    EXPECT_CONTAINS(marram({"info", folder / "named.obj"}).out, "note: " + folder / "named.obj:9:6: 2 faces");
 }
 
 TEST(Deform, carries_its_strands) {

@@ -188,6 +188,22 @@ TEST_F(TextReaders, ObjFacesMayNameNormalsAndUvsThatTheFileLacks) {
         EXPECT_EQ(mesh.normals, plain.normals) << face;
         EXPECT_TRUE(mesh.uvs.empty()) << face;
     }
+    const auto warning = [&](const std::string& text) { // of one line, without the folder
+        std::vector<std::string> warnings;
+        load_mesh(write("m.obj", text), {.warnings = &warnings});
+        EXPECT_LE(warnings.size(), 1U);
+        return warnings.empty() ? "" : warnings[0].substr(folder.string().size() + 1);
+    };
+    const std::string rest = " that the file does not have, read without them: export the mesh with them, or "
+                             "without these indices";
+    EXPECT_EQ(warning(vertices + "f 1 2 3\n"), "");
+    EXPECT_EQ(warning(vertices + "vn 0 1 0\nf 1//1 2//1 3//1\n"), "");
+    EXPECT_EQ(warning("\n" + vertices + "f 1 2 3\nf 1 2//1 3\n"),
+              "m.obj:6:8: a face refers to normals (vn)" + rest);
+    EXPECT_EQ(warning(vertices + "f 1/-1 \\\n 2 3\nf 1/2/3 2 3/1\nf 3 1 2\nf 1/1 2 3\n"),
+              "m.obj:4:5: 3 faces refer to uvs (vt) and normals (vn)" + rest);
+    EXPECT_EQ(warning(vertices + "vt 0 0\n\nf 1/1/7 2/1 \\\n 3//8\nf 3//9 2 1\n"),
+              "m.obj:6:7: 2 faces refer to normals (vn)" + rest);
     // Some, but not those: something is missing.
     EXPECT_EQ(
         refusal("m.obj", vertices + "vn 0 1 0\nf 1//1 2//2 3//1\n", mesh_text),

@@ -9,6 +9,7 @@
 #include "core/image/run_files.h"
 #include "core/math/clock.h"
 #include "core/math/frame_name.h"
+#include "core/shot/height_sequence.h"
 #include "core/shot/stats.h"
 
 #include <fmt/format.h>
@@ -16,8 +17,8 @@
 #include <tbb/task_arena.h>
 
 #include <algorithm>
+#include <functional>
 #include <iterator>
-#include <limits>
 #include <optional>
 #include <set>
 
@@ -62,65 +63,96 @@ void print_new(const std::vector<std::string>& warnings, std::set<std::string>& 
         if (printed.insert(warning).second) print_message("{}\n", warning);
 }
 
-// prefix: of the progress line, "2 of 5: ". sequence: the file of all frames, or nullptr.
-void bake_frame(Shot& shot, const BakeOptions& options, const std::string& prefix, UsdaSequence* sequence,
-                std::set<std::string>& warnings, FrameStats& stats) {
-    const std::string output = numbered(options.output, stats.frame);
-    const std::string colliders = numbered(options.colliders, stats.frame);
+// What is done with the world of a frame. Returns warnings.
+using WriteFrame = std::function<std::vector<std::string>(const World&)>;
+
+// prefix: of the progress line, "2 of 5: ".
+void build_and_write(Shot& shot, const BakeOptions& options, const std::string& prefix,
+                     std::set<std::string>& warnings, FrameStats& stats, const WriteFrame& write) {
+    const double begin = wall_seconds();
     select_takes(shot, stats.frame);
     const BuildSettings settings = build_settings_for_bake(shot, options, stats.frame);
     tbb::task_arena arena(stats.threads);
     BuildProgress progress;
-    World world;
+    stats.build = {};
     {
+        World world;
         const ProgressLine line(options.quiet, [&] {
             return ProgressState{prefix + progress.phase.load(), progress.fraction.load()};
         });
         arena.execute(
             [&] { world = build_world(shot.geometry, settings, interrupted(), progress, stats.build); });
         progress.phase = "writing";
-        if (sequence)
-            sequence->add(world.curves, stats.frame);
-        else
-            std::ranges::move(write_baked(shot, world, options, output),
-                              std::back_inserter(stats.build.warnings));
-        write_colliders(world, colliders, settings.fps);
+        std::ranges::move(write(world), std::back_inserter(stats.build.warnings));
+        write_colliders(world, numbered(options.colliders, stats.frame), settings.fps);
     }
     print_new(stats.build.warnings, warnings);
-    if (sequence) return;
+    stats.total += wall_seconds() - begin;
+    release_free_memory();
+}
+
+std::string prefix_of(size_t frame, size_t count) {
+    return count > 1 ? fmt::format("{} of {}: ", frame + 1, count) : "";
+}
+
+void print_output(const std::string& output) {
     print_result("{}\n", output);
     flush_results();
 }
 
-// The heights of all frames: a range for each would make a sequence flicker. Builds the frames, which are built again
-// to be written; simulated terrains then find their states.
-Vec2d heights_of_frames(Shot& shot, const std::vector<double>& frames, const BakeOptions& options,
-                        int threads, std::set<std::string>& warnings) {
-    Vec2d range(std::numeric_limits<double>::infinity(), -std::numeric_limits<double>::infinity());
+// frames: their numbers and threads; their other statistics are filled in.
+void bake_frames(Shot& shot, const BakeOptions& options, std::set<std::string>& warnings,
+                 std::vector<FrameStats>& frames, StatsFile& stats_file) {
+    std::optional<UsdaSequence> sequence; // the file of all frames
+    if (frames.size() > 1 && holds_all_frames(options))
+        sequence.emplace(options.output, shot.description.globals.number("fps"));
     for (size_t i = 0; i < frames.size(); ++i) {
-        select_takes(shot, frames[i]);
-        const BuildSettings settings = build_settings_for_bake(shot, options, frames[i]);
-        tbb::task_arena arena(threads);
-        BuildProgress progress;
-        BuildStats stats;
-        World world;
-        const ProgressLine line(options.quiet, [&] {
-            return ProgressState{
-                fmt::format("heights of {} of {}: {}", i + 1, frames.size(), progress.phase.load()),
-                progress.fraction.load()};
-        });
-        arena.execute([&] { world = build_world(shot.geometry, settings, interrupted(), progress, stats); });
-        const Vec2d heights = baked_heights(world, options.output);
-        print_new(stats.warnings, warnings);
-        range = {std::min(range.x(), heights.x()), std::max(range.y(), heights.y())};
+        const std::string output = numbered(options.output, frames[i].frame);
+        build_and_write(shot, options, prefix_of(i, frames.size()), warnings, frames[i],
+                        [&](const World& world) {
+                            if (!sequence) return write_baked(shot, world, options, output);
+                            sequence->add(world.curves, frames[i].frame);
+                            return std::vector<std::string>();
+                        });
+        if (!sequence) print_output(output);
+        stats_file.add(frames[i]);
     }
-    return range;
+    if (!sequence) return;
+    sequence->commit();
+    print_result("{}\n", options.output);
+}
+
+// The same for .png files with the range of all frames.
+void bake_height_pictures(Shot& shot, BakeOptions options, std::set<std::string>& warnings,
+                          std::vector<FrameStats>& frames, StatsFile& stats_file) {
+    HeightSequence heights;
+    for (size_t i = 0; i < frames.size(); ++i)
+        build_and_write(shot, options, prefix_of(i, frames.size()), warnings, frames[i],
+                        [&](const World& world) {
+                            heights.add(world, options.output);
+                            return std::vector<std::string>();
+                        });
+    options.range = heights.range();
+    for (size_t i = 0; i < frames.size(); ++i) {
+        if (interrupted()) throw Cancelled{};
+        const double begin = wall_seconds();
+        const std::string output = numbered(options.output, frames[i].frame);
+        const auto write = [&](const World& world) { return write_baked(shot, world, options, output); };
+        if (const std::optional<World> world = heights.take(i)) {
+            write(*world);
+            frames[i].total += wall_seconds() - begin;
+        } else {
+            build_and_write(shot, options, "again, " + prefix_of(i, frames.size()), warnings, frames[i],
+                            write);
+        }
+        print_output(output);
+        stats_file.add(frames[i]);
+    }
 }
 
 } // namespace
 
-int bake_command(const BakeOptions& given) {
-    BakeOptions options = given;
+int bake_command(const BakeOptions& options) {
     check_baked_formats(options);
     const double begin = wall_seconds();
     Shot shot = open_shot(options, false);
@@ -133,28 +165,18 @@ int bake_command(const BakeOptions& given) {
     const int threads = threads_of(options);
     const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, size_t(threads));
     std::set<std::string> warnings; // already printed; each is printed once
-    if (frames.size() > 1 && options.output.ends_with(".png") && !options.range)
-        options.range = heights_of_frames(shot, frames, options, threads, warnings);
-    StatsFile stats_file(options.stats);
-    std::optional<UsdaSequence> sequence;
-    if (frames.size() > 1 && holds_all_frames(options))
-        sequence.emplace(options.output, shot.description.globals.number("fps"));
+    std::vector<FrameStats> stats(frames.size());
     for (size_t i = 0; i < frames.size(); ++i) {
-        const double frame_begin = i == 0 ? begin : wall_seconds();
-        FrameStats stats;
-        stats.frame = frames[i];
-        stats.threads = threads;
-        stats.load = i == 0 ? load_seconds : 0.0;
-        bake_frame(shot, options, frames.size() > 1 ? fmt::format("{} of {}: ", i + 1, frames.size()) : "",
-                   sequence ? &*sequence : nullptr, warnings, stats);
-        stats.total = wall_seconds() - frame_begin;
-        stats_file.add(stats);
-        release_free_memory();
+        stats[i].frame = frames[i];
+        stats[i].threads = threads;
     }
-    if (sequence) {
-        sequence->commit();
-        print_result("{}\n", options.output);
-    }
+    stats[0].load = load_seconds;
+    stats[0].total = wall_seconds() - begin;
+    StatsFile stats_file(options.stats);
+    if (frames.size() > 1 && options.output.ends_with(".png") && !options.range)
+        bake_height_pictures(shot, options, warnings, stats, stats_file);
+    else
+        bake_frames(shot, options, warnings, stats, stats_file);
     stats_file.finish();
     return 0;
 }

@@ -223,7 +223,7 @@ void add_bake(CLI::App& app, Commands& c) {
         ->add_option(
             "--range", c.texts.range,
             ".png only: the heights in metres that are black and white; default: the lowest and highest of "
-            "all frames baked")
+            "all frames baked, whose heights are kept until then; beyond 1 GiB frames are built twice")
         ->type_name("LOW,HIGH");
     command
         ->add_option("--stage", c.bake.stage,

@@ -167,15 +167,15 @@ BuildSettings build_settings_for_bake(const Shot& shot, const BakeSettings& sett
     return build;
 }
 
-namespace {
-
-const MeshGeometry& mesh_of_grids(const World& world, const std::string& output) {
-    return only_one(meshes_with_grids(world), output, "terrain, or rock with map");
+const MeshGeometry& mesh_of_heights(const World& world, const std::string& file) {
+    return only_one(meshes_with_grids(world), file, "terrain, or rock with map");
 }
+
+namespace {
 
 std::vector<std::string> write_baked_grids(const World& world, const BakeSettings& settings,
                                            const std::string& output) {
-    const MeshGeometry& mesh = mesh_of_grids(world, output);
+    const MeshGeometry& mesh = mesh_of_heights(world, output);
     const size_t clamped = write_grids(output, mesh, settings.range);
     if (clamped == 0) return {};
     const Vec2d heights = height_range(mesh);
@@ -187,10 +187,6 @@ std::vector<std::string> write_baked_grids(const World& world, const BakeSetting
 }
 
 } // namespace
-
-Vec2d baked_heights(const World& world, const std::string& file) {
-    return height_range(mesh_of_grids(world, file));
-}
 
 std::vector<std::string> write_baked(const Shot& shot, const World& world, const BakeSettings& settings,
                                      const std::string& output) {

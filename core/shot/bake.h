@@ -34,9 +34,9 @@ void check_baked_attributes(const Shot& shot, const std::vector<std::string>& na
 
 BuildSettings build_settings_for_bake(const Shot& shot, const BakeSettings& settings, double frame);
 
-// The lowest and the highest height of the mesh whose grids write_baked() writes as an image. Throws InputError if
-// there is none.
-Vec2d baked_heights(const World& world, const std::string& file);
+// The mesh whose grids write_baked() writes as an image. file: as for write_baked(). Throws InputError if
+// there is none, or more than one.
+const MeshGeometry& mesh_of_heights(const World& world, const std::string& file);
 
 // Writes the strands. For the formats of images, and for .obj and .ply of a scene without strands, writes the only
 // mesh with grids; for .ply also if the scene has both. file: settings.output with the number of the frame. Throws

@@ -4,6 +4,7 @@
 
 #include "core/geometry/strand_file.h"
 #include "core/image/picture.h"
+#include "core/shot/height_sequence.h"
 #include "tests/whole.h"
 
 #include <algorithm>
@@ -417,11 +418,45 @@ TEST(Bake, HeightsOfASequenceHaveOneRange) {
     for (const char* end : {"low", "high"})
         EXPECT_EQ(range_of("all.0001.png", end), range_of("all.0003.png", end)) << end;
     EXPECT_NE(range_of("one.0003.png", "high"), range_of("all.0003.png", "high"));
+    const std::string range = range_of("all.0001.png", "low") + "," + range_of("all.0001.png", "high");
+    bake(scene, folder / "same.####.png", {"--frames", "1,3", "--range", range});
+    for (const char* frame : {"0001.png", "0003.png"})
+        EXPECT_TRUE(read_file(folder / "all." + frame) == read_file(folder / "same." + frame)) << range;
     EXPECT_EQ(range_of("set.0003.png", "low"), "-5");
     EXPECT_EQ(range_of("set.0001.png", "high"), "12.5");
     const ProgramResult clamped = marram({"bake", scene, "-o", folder / "low.png", "--range", "0,1"});
     EXPECT_CONTAINS(clamped.err, "heights are outside the range and are clamped, they are ");
     EXPECT_CONTAINS(clamped.err, " m: give --range 0,");
+}
+
+// Heights are kept within the budget, with the range of all frames.
+TEST(Bake, HeightsWaitForTheRangeOfAllFrames) {
+    const auto world_of = [](float low, float high) {
+        MeshGeometry mesh;
+        mesh.name = "desert";
+        mesh.grids.resize(2);
+        mesh.grids[0].values = {low, high, low, low};
+        mesh.grids[1].values = {-99.0F, 99.0F};
+        World world;
+        world.meshes = {mesh};
+        return world;
+    };
+    HeightSequence heights(2 * 4 * sizeof(float));
+    heights.add(world_of(1.0F, 3.0F), "a.png");
+    EXPECT_EQ(heights.range(), Vec2d(1.0, 3.0));
+    heights.add(world_of(-2.0F, 0.0F), "a.png");
+    heights.add(world_of(0.0F, 5.0F), "a.png");
+    EXPECT_EQ(heights.range(), Vec2d(-2.0, 5.0));
+    for (size_t i = 0; i < 3; ++i) {
+        const std::optional<World> kept = heights.take(i);
+        ASSERT_EQ(kept.has_value(), i < 2) << "the last is beyond the budget";
+        if (!kept) continue;
+        const std::vector<GridValues>& grids = kept->meshes.at(0).grids;
+        ASSERT_EQ(grids.size(), 1U) << "only heights";
+        EXPECT_EQ(grids[0].values[0], i == 0 ? 1.0F : -2.0F);
+        EXPECT_FALSE(heights.take(i).has_value()) << "forgotten";
+    }
+    EXPECT_THROW(heights.add(World(), "a.png"), InputError);
 }
 
 // A dune along a file's curve equals one along the same points in the scene.

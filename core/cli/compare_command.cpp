@@ -2,6 +2,7 @@
 #include "core/cli/commands.h"
 #include "core/cli/output.h"
 #include "core/compare/compare_page.h"
+#include "core/compare/windows.h"
 #include "core/image/atomic_file.h"
 #include "core/math/problem.h"
 
@@ -61,7 +62,11 @@ void print(const Comparison& c) {
     for (const LayerResult& layer : c.layers)
         print_result("{:<12} RMSE {:.4g}, relative MSE {:.4g}, PSNR {:.2f} dB, at most {:.4g}{}\n",
                      layer.name.empty() ? "picture" : layer.name, layer.rmse, layer.relative_mse, layer.psnr,
-                     layer.most, layer.name.empty() ? ", of linear light" : "");
+                     layer.most,
+                     layer.name.empty()       ? ", of linear light"
+                     : layer.found_from > 0.0 ? fmt::format(", means of {} found from {:.2g}",
+                                                            window_text(c.width, c.height), layer.found_from)
+                                              : "");
     print_result("{:<12} mean {:.4g}, 99th percentile {:.4g}, worst window {:.4g} at ({}, {}) ({})\n", "FLIP",
                  c.flip_mean, c.flip_99, c.flip_window, c.flip_window_x, c.flip_window_y, c.flip_kind());
     print_result("{:<12} {:.5g}\n", "SSIM", c.ssim);

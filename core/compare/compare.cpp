@@ -162,13 +162,14 @@ namespace {
 // Compares bit for bit, and layer by layer.
 void judge_layers(const Picture& test, const Picture& reference, Comparison& result) {
     result.equal = true;
+    const bool same_samples = test.samples == reference.samples || test.samples < 1 || reference.samples < 1;
     for (const Picture::Layer& layer : reference.layers) {
         if (layer.name == "variance") continue;
         const Picture::Layer mine{layer.name, layer.channels,
                                   in_order(*test.find(layer.name), layer.channels)};
         result.equal &=
             std::memcmp(mine.pixels.data(), layer.pixels.data(), layer.pixels.size() * sizeof(float)) == 0;
-        result.layers.push_back(compare_layer(mine, layer, result.width, result.height));
+        result.layers.push_back(compare_layer(mine, layer, result.width, result.height, same_samples));
         if (const std::string& fault = result.layers.back().fault; !fault.empty())
             result.faults.push_back(fault);
     }
@@ -288,6 +289,19 @@ void judge_power(const Picture& test, const Picture& reference, const std::vecto
                         samples_text(factor, std::max(test.samples, reference.samples)));
 }
 
+// Whether noise of other layers could hide a plain difference.
+void judge_layer_power(const Picture& test, const Picture& reference, Comparison& result) {
+    if (result.golden || result.different()) return;
+    for (const LayerResult& layer : result.layers)
+        if (!layer.doubt.empty()) result.doubt += (result.doubt.empty() ? "" : "; ") + layer.doubt;
+    for (const LayerResult& layer : result.layers)
+        if (!layer.name.empty() && !layer.ids && layer.most > 0.0 && layer.found_from == 0.0)
+            result.notes.push_back(
+                fmt::format("layer {} depends on the number of samples a pixel, A has {}, B {}: "
+                            "noise may hide local differences",
+                            layer.name, test.samples, reference.samples));
+}
+
 // FLIP and SSIM treat negative light as 0.
 void judge_below_zero(const std::vector<float>& a, const std::vector<float>& b, Comparison& result) {
     if (result.golden || result.has_noise_estimate) return;
@@ -329,6 +343,7 @@ Comparison compare_pictures(const Picture& test, const Picture& reference, const
     judge_perception(a, b, limits, result);
     judge_below_zero(a, b, result);
     judge_power(test, reference, b, variance, result);
+    judge_layer_power(test, reference, result);
     return result;
 }
 

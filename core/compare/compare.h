@@ -40,13 +40,19 @@
 //     from the range of the 8 neighbours in its own picture. The excess may be 1.25 times the noise plus 0.03
 //     of the layer's range. In smooth layers this detects the loss of 4 x 4 pixels; in noisy layers such as
 //     hair it allows other noise;
+//   - the means of each window of 16 x 16 pixels differ by at most 0.1 of the layer's range, or what
+//     Student's t allows at the level 0.001 (over all windows) for the spread of the differences of pixels.
+//     If the pictures differ in samples a pixel, this is tested for alpha, albedo and normal only: others are
+//     means over the samples that hit, and 0 where none hits;
 //   - for layers with a mean difference above 0.03 of the range: the mean excess of the whole picture is at
 //     most 0.015 of the range, and no shift by up to 2 pixels has a correlation that is higher than without
 //     shift by more than 4 / sqrt(pixels).
 // In the same pairs, with 64, 16 and 4 samples a pixel (depth, normal, albedo, alpha, strand_u, envelope,
 // shield), the worst means differed by 0.0036, 0.0038, 0.0055 (3.5 standard errors), and the worst windows
 // had 0.0073, 0.0127, 0.0152. A wide-open lens, a filter of 4 pixels and a shutter of 4 frames gave no more.
-// With 1 sample, strand_u of gust_field is too noisy to be distinguished from another layer.
+// The test of means is the one that noise cannot blind: of values that are at random at either end of the
+// range, means of windows that differ by 0.3 of the range are found. Where most windows need more than half
+// of the range (in pictures of a few pixels), whether the layers are alike cannot be told.
 //
 // Id layers (named id, one channel of integers, 0 for none) compare ids exactly. An id is unknown if it is
 // not among the 3 x 3 pixels around its place in the other picture. Noise is the fraction of ids that are
@@ -57,7 +63,9 @@
 //   - no shift has more equal ids (limit as above).
 // Between seeds the fraction of unknown ids exceeded the noise by at most 0.002. It ranged from 0.4 % in the
 // room to 70 % where many hairs share a pixel, and 91 % there with 96 x 64 pixels; it is 100 % if strands
-// have different ids. The worst window had 0.041.
+// have different ids. The worst window had 0.041. Where more than 82 % of a window's ids are noise, other ids
+// are found only if half of those of the whole picture are others. If noise is so near to 100 % that these
+// are not found either, whether the layers are alike cannot be told.
 #pragma once
 
 #include "core/image/picture.h"
@@ -101,7 +109,11 @@ struct LayerResult {
            psnr = 0.0;              // psnr: relative to the reference's range; infinite if equal
     double most = 0.0;              // maximum difference of a value
     double mean = 0.0, range = 0.0; // mean difference; reference's range (picture proper: at least 1)
-    std::string fault;              // for layers other than the picture proper; "": alike
+    // For layers other than the picture proper.
+    bool ids = false;        // compared as ids
+    double found_from = 0.0; // difference of a window's means that is found, the median; 0: not tested
+    std::string fault;       // "": alike
+    std::string doubt;       // why a plain difference would not be found; "": it would
 };
 
 struct Comparison {

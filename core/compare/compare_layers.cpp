@@ -14,6 +14,7 @@
 #include <numeric>
 #include <optional>
 #include <span>
+#include <string_view>
 
 namespace marram {
 namespace {
@@ -25,10 +26,17 @@ constexpr double layer_excess = 0.015; // mean excess, likewise
 // Mean excess in a window, minus noise_excess times the excess over the neighbours in the own picture.
 constexpr double window_excess = 0.03;
 constexpr double noise_excess = 1.25;
+constexpr double window_bias = 0.1;   // difference of a window's means, relative to the layer's range
+constexpr double window_level = 1e-3; // probability of a false alarm of these, over all windows and channels
+constexpr double plain_share = 0.5;   // of the layer's range: a difference that no noise may hide
 constexpr double noise_names = 1.1, spare_names = 0.05; // limit for unknown ids: factor on noise, offset
 constexpr double window_names = 0.1;                    // fraction of a window's pixels
 constexpr int farthest = 2;                             // maximum tested shift, pixels
 constexpr double chance = 4.0;                          // limit in standard deviations
+
+// Layers whose values are means over all samples. Others are means over the samples that hit, and 0 where
+// none hits, so that their windows' means depend on the number of samples.
+constexpr std::array<std::string_view, 3> means_over_all = {"alpha", "albedo", "normal"};
 
 struct Frame {
     int width, height;
@@ -244,9 +252,58 @@ Bias bias_of(const Picture::Layer& a, const Picture::Layer& b, double range) {
     return worst;
 }
 
-std::string fault_of_ids(const Picture::Layer& a, const Picture::Layer& b, Frame frame) {
-    const Unknown unknown = unknown_of(a, b, frame);
-    const double halfway = 0.5 * (1.0 + unknown.noise); // between noise and 1, the value for different ids
+// Difference of the means of a channel over a window, and its limit.
+struct WindowBias {
+    Bias bias;
+    int x = 0, y = 0; // first pixel
+};
+
+struct WindowBiases {
+    WindowBias worst;        // relative to its limit
+    double found_from = 0.0; // median of the limits
+    bool fails() const { return worst.bias.off > worst.bias.allowed; }
+};
+
+// Differences of single pixels tell the noise of their mean over a window: those of two seeds are
+// independent, and as often above zero as below.
+WindowBiases window_biases(const Picture::Layer& a, const Picture::Layer& b, double range, Frame frame) {
+    const size_t channels = b.channels.size();
+    const std::vector<int> columns = window_starts(frame.width, local_window, local_step),
+                           rows = window_starts(frame.height, local_window, local_step);
+    const int w = std::min(local_window, frame.width), h = std::min(local_window, frame.height);
+    const double count = double(w) * h,
+                 spread = student_limit(window_level / double(columns.size() * rows.size() * channels),
+                                        std::max(4.0, count - 1.0));
+    WindowBiases result;
+    std::vector<double> limits;
+    for (size_t c = 0; c < channels; ++c)
+        for (const int y : rows)
+            for (const int x : columns) {
+                double sum = 0.0, squares = 0.0;
+                for (int j = y; j < y + h; ++j)
+                    for (int i = x; i < x + w; ++i) {
+                        const size_t at = (size_t(j) * size_t(frame.width) + size_t(i)) * channels + c;
+                        const double d = double(a.pixels[at]) - double(b.pixels[at]);
+                        sum += d;
+                        squares += d * d;
+                    }
+                const double mean = sum / count,
+                             error = std::sqrt(std::max(0.0, squares / count - mean * mean) /
+                                               std::max(1.0, count - 1.0));
+                const Bias bias{std::abs(mean), std::max(window_bias * range, spread * error), c};
+                limits.push_back(bias.allowed);
+                const Bias& worst = result.worst.bias;
+                if (limits.size() == 1 || bias.off * worst.allowed > worst.off * bias.allowed)
+                    result.worst = {bias, x, y};
+            }
+    const auto middle = limits.begin() + std::ptrdiff_t(limits.size() / 2);
+    std::ranges::nth_element(limits, middle);
+    result.found_from = *middle;
+    return result;
+}
+
+std::string fault_of_ids(const Picture::Layer& a, const Picture::Layer& b, const Unknown& unknown,
+                         double halfway, Frame frame) {
     const double allowed = std::min(halfway, noise_names * unknown.noise + spare_names);
     if (unknown.share > allowed)
         return fmt::format("layer {} has different ids: in {:.3g} of the pixels with an id the other picture "
@@ -262,10 +319,26 @@ std::string fault_of_ids(const Picture::Layer& a, const Picture::Layer& b, Frame
     return by ? moved_fault(b.name, *by) : "";
 }
 
+// Whether noise is as great as the difference of other ids: then none are found.
+std::string doubt_of_ids(const Picture::Layer& b, const Unknown& unknown, double halfway) {
+    const double ids = double(b.pixels.size()) - double(std::ranges::count(b.pixels, 0.0F));
+    if (halfway - unknown.noise >
+        chance * std::sqrt(unknown.noise * (1.0 - unknown.noise) / std::max(1.0, ids)))
+        return "";
+    return fmt::format("layer {} could have other ids everywhere: in {:.3g} of the pixels with an id no "
+                       "neighbour has it, also within one picture: render both larger",
+                       b.name, unknown.noise);
+}
+
+void judge_ids(const Picture::Layer& a, const Picture::Layer& b, Frame frame, LayerResult& result) {
+    const Unknown unknown = unknown_of(a, b, frame);
+    const double halfway = 0.5 * (1.0 + unknown.noise); // between noise and 1, the value for different ids
+    result.fault = fault_of_ids(a, b, unknown, halfway, frame);
+    result.doubt = doubt_of_ids(b, unknown, halfway);
+}
+
 std::string fault_of(const Picture::Layer& a, const Picture::Layer& b, const LayerResult& result,
-                     Frame frame) {
-    if (b.name.empty() || result.most == 0.0) return "";
-    if (holds_ids(a) && holds_ids(b)) return fault_of_ids(a, b, frame);
+                     const std::optional<WindowBiases>& windows, Frame frame) {
     const auto channel = [&](size_t c) {
         return b.channels.size() > 1 ? b.name + "." + b.channels[c] : b.name;
     };
@@ -280,12 +353,36 @@ std::string fault_of(const Picture::Layer& a, const Picture::Layer& b, const Lay
                            "of the other picture by a mean of {:.3g} more than noise, the limit is {:.3g}",
                            channel(beyond.channel), window_text(frame.width, frame.height), worst.x, worst.y,
                            worst.mean, window_excess * result.range);
+    if (windows && windows->fails())
+        return fmt::format(
+            "layer {} differs locally: the means of {} at ({}, {}) differ by {:.3g}, the limit is {:.3g}",
+            channel(windows->worst.bias.channel), window_text(frame.width, frame.height), windows->worst.x,
+            windows->worst.y, windows->worst.bias.off, windows->worst.bias.allowed);
     if (result.mean <= layer_share * result.range) return "";
     if (beyond.mean > layer_excess * result.range)
         return fmt::format("layer {}: mean difference {:.3g} is above the limit of {:.3g} (3 % of its range)",
                            b.name, result.mean, layer_share * result.range);
     const auto by = best_shift(frame, [&](Offset offset) { return correlation(a, b, frame, offset); });
     return by ? moved_fault(b.name, *by) : "";
+}
+
+void judge(const Picture::Layer& a, const Picture::Layer& b, bool same_samples, Frame frame,
+           LayerResult& result) {
+    if (b.name.empty() || result.most == 0.0) return;
+    result.ids = holds_ids(a) && holds_ids(b);
+    if (result.ids) return judge_ids(a, b, frame, result);
+    std::optional<WindowBiases> windows;
+    if (same_samples || std::ranges::find(means_over_all, b.name) != means_over_all.end()) {
+        windows = window_biases(a, b, result.range, frame);
+        result.found_from = windows->found_from;
+        if (result.found_from > plain_share * result.range)
+            result.doubt =
+                fmt::format("layer {} could differ by half its range: the means of {} are found to "
+                            "differ from {:.3g} on, its range is {:.3g}: render both larger, or with "
+                            "more samples",
+                            b.name, window_text(frame.width, frame.height), result.found_from, result.range);
+    }
+    result.fault = fault_of(a, b, result, windows, frame);
 }
 
 // Robust range: between the 1st and 99th percentile, or the magnitude of the median if greater, so that
@@ -305,7 +402,8 @@ double usual_range(std::vector<float> values) {
 
 } // namespace
 
-LayerResult compare_layer(const Picture::Layer& a, const Picture::Layer& b, int width, int height) {
+LayerResult compare_layer(const Picture::Layer& a, const Picture::Layer& b, int width, int height,
+                          bool same_samples) {
     LayerResult result;
     result.name = b.name;
     result.channels = int(b.channels.size());
@@ -333,7 +431,7 @@ LayerResult compare_layer(const Picture::Layer& a, const Picture::Layer& b, int 
     result.mean = sum / count;
     result.psnr = result.rmse > 0.0 ? 20.0 * std::log10(result.range / result.rmse)
                                     : std::numeric_limits<double>::infinity();
-    result.fault = fault_of(a, b, result, {width, height});
+    judge(a, b, same_samples, {width, height}, result);
     return result;
 }
 

@@ -7,7 +7,9 @@
 
 namespace marram {
 
-// Both have the same channels in the same order, and width * height pixels.
-LayerResult compare_layer(const Picture::Layer& a, const Picture::Layer& b, int width, int height);
+// Both have the same channels in the same order, and width * height pixels. same_samples: a pixel, as far
+// as is known.
+LayerResult compare_layer(const Picture::Layer& a, const Picture::Layer& b, int width, int height,
+                          bool same_samples);
 
 } // namespace marram

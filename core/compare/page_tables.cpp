@@ -40,9 +40,11 @@ std::string numbers(const Comparison& c, const Picture& picture) {
     const auto four = [](double v) { return fmt::format("{:.4g}", v); };
     std::string layers, looks, scales, ratios;
     for (const LayerResult& layer : c.layers)
-        layers += row(!layer.fault.empty(), layer.name.empty() ? "picture" : escaped(layer.name),
-                      cells({four(layer.rmse), four(layer.relative_mse), fmt::format("{:.2f}", layer.psnr),
-                             four(layer.most)}));
+        layers +=
+            row(!layer.fault.empty(), layer.name.empty() ? "picture" : escaped(layer.name),
+                cells({four(layer.rmse), four(layer.relative_mse), fmt::format("{:.2f}", layer.psnr),
+                       four(layer.most),
+                       layer.found_from > 0.0 ? fmt::format("{:.2g}", layer.found_from) : std::string()}));
     const auto look = [&](const std::string& what, double value, double limit, bool judged, bool fails) {
         looks += row(fails, what, cells({four(value), judged ? four(limit) : std::string("not judged")}));
     };
@@ -69,9 +71,11 @@ std::string numbers(const Comparison& c, const Picture& picture) {
             row(r.fails(),
                 r.size == 1 ? std::string("single pixels") : fmt::format("{0} &times; {0} pixels", r.size),
                 cells({four(r.ratio), four(r.limit)}));
-    std::string out = "<h2>Numbers</h2>\n<p class=\"small\">Of linear light, for 8-bit pictures too.</p>\n" +
-                      table({"layer", "RMSE", "relative MSE", "PSNR, dB", "greatest difference"}, layers) +
-                      table({"looks", "value", "limit"}, looks);
+    std::string out =
+        "<h2>Numbers</h2>\n<p class=\"small\">Of linear light, for 8-bit pictures too.</p>\n" +
+        table({"layer", "RMSE", "relative MSE", "PSNR, dB", "greatest difference", "means found from"},
+              layers) +
+        table({"looks", "value", "limit"}, looks);
     if (!scales.empty())
         out +=
             table({"noise: worst of", "standard deviations", "limit", "at", "channel", "found from"}, scales);
@@ -84,6 +88,9 @@ std::string numbers(const Comparison& c, const Picture& picture) {
         term("PSNR",
              "20 log<sub>10</sub>(range / RMSE); the picture&rsquo;s range is 1, or more where B is "
              "brighter; for other layers it runs from the 1st to the 99th percentile of B&rsquo;s values") +
+        term("means found from", "the difference of the means of 16 &times; 16 pixels that would have been "
+                                 "above the limit: the median "
+                                 "over the picture") +
         term("FLIP",
              fmt::format("the difference that is seen when swapping, 0 to 1, {}", c.flip_kind()).c_str()) +
         term("SSIM", "likeness of structure, of luminance as a screen shows it; 1: the same");

@@ -19,6 +19,8 @@
 namespace marram {
 namespace {
 
+std::string why(const Comparison& c) { return c.faults.empty() ? c.doubt : c.faults.front(); }
+
 constexpr int width = 96, height = 64;
 
 // A standard normal number.
@@ -536,6 +538,85 @@ TEST(Compare, few_other_names_are_missed) {
         EXPECT_NE(c.faults[0].find("layer id has different ids: in 16 x 16 pixels at (2"), std::string::npos)
             << c.faults[0];
     }
+}
+
+// Noise at either end of the range: every value has its like nearby, wherever the layer's surfaces are.
+TEST(Compare, noise_hides_no_other_depth) {
+    // up, down: shares of the far surface in the left and in the right half
+    const auto depth = [](uint64_t seed, double up, double down, const char* name = "depth") {
+        return with_layer(name, [=](int x, int y) {
+            const bool far =
+                double(hash(seed, uint64_t(y * width + x)) % 1000) < 1000.0 * (x < width / 2 ? up : down);
+            return far ? 10.0 : 2.0;
+        });
+    };
+    for (uint64_t seed = 2; seed < 12; ++seed) {
+        const Comparison seeds = compared(depth(seed, 0.6, 0.4), depth(1, 0.6, 0.4));
+        EXPECT_TRUE(seeds.alike()) << seed << " " << why(seeds);
+    }
+    const Comparison c = compared(depth(2, 0.7, 0.3), depth(1, 0.5, 0.5)); // the same mean
+    ASSERT_EQ(c.faults.size(), 1U);
+    EXPECT_NE(c.faults[0].find("layer depth differs locally: the means of 16 x 16 pixels at ("),
+              std::string::npos)
+        << c.faults[0];
+    EXPECT_GT(c.layers.back().found_from, 0.1 * c.layers.back().range);
+    EXPECT_LT(c.layers.back().found_from, 0.3 * c.layers.back().range);
+    // Layers that depend on the number of samples are not judged so, and that is said.
+    Picture fewer = depth(2, 0.7, 0.3), alpha = depth(2, 0.7, 0.3, "alpha");
+    fewer.samples = alpha.samples = 16;
+    const Comparison other = compared(fewer, depth(1, 0.5, 0.5));
+    EXPECT_TRUE(other.alike()) << why(other);
+    ASSERT_EQ(other.notes.size(), 1U);
+    EXPECT_NE(other.notes[0].find("layer depth depends on the number of samples a pixel, A has 16, B 64"),
+              std::string::npos)
+        << other.notes[0];
+    EXPECT_TRUE(compared(alpha, depth(1, 0.5, 0.5, "alpha")).different());
+}
+
+// Half of the range, over a window, in any noise: different, or it cannot be told.
+TEST(Compare, a_plainly_different_layer_is_never_alike) {
+    for (const double noise : {0.0, 0.01, 0.1, 0.5, 1.0, 3.0, 30.0}) {
+        const auto depth = [&](uint64_t seed, double off) {
+            return with_layer("depth", [=](int x, int y) {
+                const bool in = x >= 32 && x < 48 && y >= 16 && y < 32;
+                return 4.0 + 2.0 * double(x) / width + noise * normal(seed, uint64_t(y * width + x)) +
+                       (in ? off : 0.0);
+            });
+        };
+        const Comparison same = compared(depth(2, 0.0), depth(1, 0.0));
+        if (noise <= 0.5) {
+            EXPECT_TRUE(same.alike()) << noise << " " << why(same);
+        }
+        const double half = 0.5 * same.layers.back().range;
+        for (const double off : {half, -half})
+            EXPECT_FALSE(compared(depth(2, off), depth(1, 0.0)).alike()) << noise << " " << off;
+    }
+    // Sixteen pixels of such noise tell nothing.
+    const auto small = [](uint64_t seed) {
+        Picture picture{
+            4, 4, 64, "", {{"", {"R", "G", "B"}, std::vector<float>(48, 0.5F)}, {"depth", {"Z"}, {}}}};
+        for (uint64_t i = 0; i < 16; ++i)
+            picture.layers[1].pixels.push_back((hash(seed, i) & 1U) != 0 ? 10.0F : 0.0F);
+        return picture;
+    };
+    EXPECT_TRUE(compared(small(1), small(1)).alike());
+    const Comparison c = compared(small(2), small(1));
+    EXPECT_FALSE(c.different() || c.alike()) << why(c);
+    EXPECT_NE(c.doubt.find("layer depth could differ by half its range: the means of 4 x 4 pixels"),
+              std::string::npos)
+        << c.doubt;
+}
+
+// Every pixel has an id of its own: in another seed all are others, as all ids of another picture would be.
+TEST(Compare, ids_that_are_all_noise_tell_nothing) {
+    const auto ids = [](uint64_t seed) {
+        return with_layer(
+            "id", [=](int x, int y) { return double(hash(seed, uint64_t(y * width + x)) & 0xffffff); });
+    };
+    const Comparison c = compared(ids(2), ids(1));
+    EXPECT_FALSE(c.different() || c.alike());
+    EXPECT_NE(c.doubt.find("layer id could have other ids everywhere"), std::string::npos) << c.doubt;
+    EXPECT_TRUE(compared(ids(1), ids(1)).alike());
 }
 
 // ---- FLIP -----------------------------------------------------------------------------------------------------------

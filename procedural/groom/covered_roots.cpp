@@ -14,6 +14,8 @@ namespace marram {
 namespace {
 
 constexpr int cover_ray_count = 6, enclosing_rays = 5;
+// Heights of faces above the skin, relative to the root offset: in its plane; the most that ground has.
+constexpr double on_skin = 0.01, max_ground = 0.5;
 
 // Three directions that no edge of a modelled mesh is likely to have, and their opposites.
 std::array<Vec3d, cover_ray_count> cover_directions() {
@@ -53,6 +55,26 @@ void attach_covering_mesh(RTCDevice device, RTCScene scene, const MarramMesh& me
     }
     rtcReleaseGeometry(geometry);
     if (!positions || !triangles) throw std::bad_alloc();
+}
+
+// Whether the ray leaves the mesh where it hits it: it meets the back of a face.
+bool leaves(const RTCRayHit& ray) {
+    return double(ray.hit.Ng_x) * double(ray.ray.dir_x) + double(ray.hit.Ng_y) * double(ray.ray.dir_y) +
+               double(ray.hit.Ng_z) * double(ray.ray.dir_z) >
+           0.0;
+}
+
+// All hits along a ray, in order, until see(ray) returns true.
+void each_hit(RTCScene scene, RTCRayHit ray, const auto& see) {
+    const RTCRayHit first = ray;
+    for (;;) {
+        marram_intersect1(scene, &ray, 0);
+        if (ray.hit.geomID == RTC_INVALID_GEOMETRY_ID || see(ray)) return;
+        const float at = ray.ray.tfar;
+        ray = first;
+        ray.ray.tnear = std::nextafter(at * (1.0F + 0x1p-22F), std::numeric_limits<float>::infinity());
+        if (ray.ray.tnear >= ray.ray.tfar) return;
+    }
 }
 
 } // namespace
@@ -100,34 +122,46 @@ RootCover::~RootCover() {
     rtcReleaseDevice(device_);
 }
 
+int RootCover::enclosing(const Vec3d& point) const {
+    if (std::ranges::none_of(bounds_, [&](const auto& box) { return box.contains(point); })) return -1;
+    struct Rays {
+        int odd = 0, from_inside = 0; // of cover_ray_count
+    };
+    std::vector<Rays> rays(meshes_.size());
+    std::vector<int> crossings(meshes_.size());
+    static const std::array<Vec3d, cover_ray_count> directions = cover_directions();
+    for (const Vec3d& direction : directions) {
+        std::ranges::fill(crossings, 0);
+        each_hit(scene_, cover_ray(point, direction, std::numeric_limits<double>::infinity()),
+                 [&](const RTCRayHit& ray) {
+                     const size_t mesh = ray.hit.geomID;
+                     if (crossings[mesh]++ == 0) rays[mesh].from_inside += leaves(ray);
+                     return false;
+                 });
+        for (size_t i = 0; i < meshes_.size(); ++i) rays[i].odd += crossings[i] % 2;
+    }
+    const auto found = std::ranges::find_if(rays, [](const Rays& mesh) {
+        return mesh.odd >= enclosing_rays && 2 * mesh.from_inside > cover_ray_count;
+    });
+    return found == rays.end() ? -1 : int(found - rays.begin());
+}
+
 int RootCover::covered_by(const Vec3d& root, const Vec3d& start) const {
     if (!root.allFinite() || !start.allFinite()) return -1;
     const Vec3d rise = start - root;
     const double offset = rise.norm();
-    if (offset > 0.0) {
-        constexpr double below = 0.01; // of the root offset: finds faces that lie on the skin
-        RTCRayHit ray = cover_ray(root - below * rise, rise / offset, (1.0 + below) * offset);
-        marram_intersect1(scene_, &ray, 0);
-        if (ray.hit.geomID != RTC_INVALID_GEOMETRY_ID) return int(ray.hit.geomID);
-    }
-    if (std::ranges::none_of(bounds_, [&](const auto& box) { return box.contains(start); })) return -1;
-    std::vector<int> odd_rays(meshes_.size(), 0), crossings(meshes_.size());
-    static const std::array<Vec3d, cover_ray_count> directions = cover_directions();
-    for (const Vec3d& direction : directions) {
-        std::ranges::fill(crossings, 0);
-        RTCRayHit ray = cover_ray(start, direction, std::numeric_limits<double>::infinity());
-        for (;;) {
-            marram_intersect1(scene_, &ray, 0);
-            if (ray.hit.geomID == RTC_INVALID_GEOMETRY_ID) break;
-            ++crossings[ray.hit.geomID];
-            const float at = ray.ray.tfar;
-            ray = cover_ray(start, direction, std::numeric_limits<double>::infinity());
-            ray.ray.tnear = std::nextafter(at * (1.0F + 0x1p-22F), std::numeric_limits<float>::infinity());
-        }
-        for (size_t i = 0; i < meshes_.size(); ++i) odd_rays[i] += crossings[i] % 2;
-    }
-    const auto enclosing = std::ranges::find_if(odd_rays, [](int odd) { return odd >= enclosing_rays; });
-    return enclosing == odd_rays.end() ? -1 : int(enclosing - odd_rays.begin());
+    bool pierces = false; // a face that is not in the plane of the skin
+    int found = -1;
+    if (offset > 0.0)
+        each_hit(scene_, cover_ray(root - on_skin * rise, rise / offset, (1.0 + on_skin) * offset),
+                 [&](const RTCRayHit& ray) {
+                     const double height = double(ray.ray.tfar) - on_skin * offset;
+                     if (!leaves(ray) || height > max_ground * offset) found = int(ray.hit.geomID);
+                     pierces = pierces || height > on_skin * offset;
+                     return found >= 0;
+                 });
+    if (found < 0 && pierces) found = enclosing(root);
+    return found >= 0 ? found : enclosing(start);
 }
 
 } // namespace marram

@@ -5,8 +5,13 @@
 // A root is covered if a colliding mesh
 //
 //     crosses the line from just below the skin to the strand's start, root_offset() above it, or
-//     encloses that start: of six rays in opposite pairs at least five cross the mesh an odd number of times.
-//     So a closed mesh encloses what is inside of it, and an open one, such as a dome, nothing.
+//     encloses that start: of six rays in opposite pairs at least five cross the mesh an odd number of times,
+//     and most of the six meet the back of a face of it first.
+//     So a closed mesh encloses what is inside of it, and an open one, such as a dome, nothing. A room or a
+//     sky, whose faces look inwards, encloses nothing inside of it.
+//
+// A face in the lower half of that line that looks the way of the strand does not cover it, unless its mesh
+// encloses the root: the strand stands on it, as grass does on ground in the same plane as its skin.
 //
 // Roots are placed once a shot. So only meshes that do not move can cover roots, and only on a mesh that does not
 // move. Roots are shared with the instances of the mesh: they are tested on the mesh itself.
@@ -49,6 +54,8 @@ class RootCover {
     const MarramMesh& mesh(int index) const { return *meshes_[size_t(index)]; }
 
   private:
+    int enclosing(const Vec3d& point) const; // the index of a mesh, or -1
+
     std::vector<const MarramMesh*> meshes_;
     std::vector<Eigen::AlignedBox3d> bounds_;
     RTCDevice device_;

@@ -60,7 +60,8 @@ constexpr std::array groom_values = {
     MarramParam{
         "clear_of", MARRAM_CHOICE, "", "meshes", -largest_coordinate, largest_coordinate, "meshes|none",
         "meshes: with collision, strands whose roots are inside or under another mesh that collides are "
-        "left out, if neither mesh moves; none: they stay"},
+        "left out, if neither mesh moves and the inside is that of its faces: a room with flip = true covers "
+        "none; none: they stay"},
     MarramParam{"spacing", MARRAM_NUMBER, "", "1", 0, 1, "",
                 "0: random roots; 1: as even as a Poisson disc set"},
     MarramParam{"length", MARRAM_RANGE, "m", "none", 0, largest_coordinate, "",
@@ -460,9 +461,10 @@ uint64_t roots_digest(const Values& values) {
                 .add(grid->components)
                 .add(grid->values, size_t(grid->nx) * grid->ny * grid->components * sizeof(float));
     };
-    for (const char* name : {"on", "density", "count", "density_mask", "density_by_height",
-                             "density_by_slope", "spacing", "seed", "guides.curves", "guides.blend",
-                             "guides.parting", "guides.parting_lines", "guides.length", "guides.reach", "guides.wind"})
+    for (const char* name :
+         {"on", "density", "count", "density_mask", "density_by_height", "density_by_slope", "spacing",
+          "seed", "guides.curves", "guides.blend", "guides.parting", "guides.parting_lines", "guides.length",
+          "guides.reach", "guides.wind"})
         if (const MarramValue* value = values.find(name)) add(*value);
     const auto add_factors = [&](const std::string& list) {
         for (size_t i = 0; values.has(list + "[" + std::to_string(i) + "].ramp"); ++i)

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Grooms among other meshes and in winds that do nothing: what is left out, and what the user is told.
 #include "build_scene.h"
+#include "core/geometry/mesh_sides.h"
 
 #include <gtest/gtest.h>
 
@@ -72,6 +73,31 @@ TEST(CoveredRoots, stay_where_nothing_covers_them_for_good) {
         KeyedTransform(std::vector<double>{1, 1.2, 0.5, 0, 0, 0, 0, 1, 1, 1}, "linear");
     EXPECT_GT(strands_of(scene, true), 0u);
     EXPECT_LT(strands_of(scene, false), all);
+}
+
+TEST(CoveredRoots, stay_where_faces_look_at_them) {
+    const uint64_t all = strands_of(lawn_with_house(on_ground, "clear_of = \"none\"\n"));
+    enum Faces { as_made, turned };
+    const auto among = [](const std::string& type, const std::string& more, Faces faces) {
+        TestScene scene(lawn_with_house("collides = false\n") + mesh("other", type, more));
+        if (faces == turned) flip_sides(scene.geometry.meshes.at(2).mesh); // as flip = true does
+        return strands_of(scene, false);
+    };
+    const auto at = [](const std::string& height, const std::string& more = "") {
+        return "transform = { translate = [0, " + height + ", 0]" + more + " }\n";
+    };
+    const std::string room = "size = [6, 2, 6]\n", land = "size = [9, 9]\n";
+    EXPECT_EQ(among("box", room + at("0.99"), turned), all);
+    EXPECT_EQ(among("box", room + at("0.99", ", scale = [-1, 1, 1]"), turned), all) << "mirrored";
+    EXPECT_EQ(among("box", room + at("1"), turned), all) << "its floor is in the plane of the ground";
+    EXPECT_EQ(among("sphere", "radius = 50\n", turned), all);
+    EXPECT_EQ(among("box", room + at("0.99"), as_made), 0u);
+    // The strands start 0.006 above the ground.
+    for (const char* height : {"0", "1e-6", "-1e-6", "0.001", "-0.1"})
+        EXPECT_EQ(among("plane", land + at(height), as_made), all) << height;
+    EXPECT_EQ(among("plane", land + at("0.005"), as_made), 0u);
+    EXPECT_EQ(among("plane", land, turned), 0u);
+    EXPECT_EQ(among("box", "size = [9, 1, 9]\n" + at("-0.5"), as_made), all);
 }
 
 // Roots that lie on another mesh are not free.

@@ -377,6 +377,7 @@ Scattered Atmosphere::scattered(const Path& path, double sun_cosine, double view
         const Spectrum light =
             ground_at(field_, sun) + static_cast<float>(std::max(0.0, sun)) * sunlight(0.0, sun);
         sum.rest += path.transmittance * light * static_cast<float>(settings_.ground_albedo / pi);
+        sum.white_ground = path.transmittance * light * static_cast<float>(1.0 / pi);
     }
     return sum;
 }

@@ -69,6 +69,7 @@ struct Path {
 struct Scattered {
     Spectrum by_air = Spectrum::Zero(), by_aerosol = Spectrum::Zero(); // single scattering
     Spectrum rest = Spectrum::Zero();                                  // multiple scattering and ground
+    Spectrum white_ground = Spectrum::Zero(); // of the ground alone, if its albedo were 1 in the same light
 };
 
 // Heights are in metres above sea level, 0 ... atmosphere_height; cosines are with the local vertical.

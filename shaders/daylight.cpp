@@ -70,8 +70,16 @@ struct Parts {
     }
 };
 
-Parts parts_of(const Scattered& light) {
-    return {color_of(light.by_air), color_of(light.by_aerosol), color_of(light.rest)};
+// The grey ground that lights the air: of the same luminance.
+double grey_of(const Vec3d& albedo) {
+    const bool grey = albedo.x() == albedo.y() && albedo.y() == albedo.z();
+    return grey ? albedo.x() : Vec3d(0.2126, 0.7152, 0.0722).dot(albedo);
+}
+
+// `tint`: the ground's albedo above that of its grey.
+Parts parts_of(const Scattered& light, const Vec3f& tint) {
+    return {color_of(light.by_air), color_of(light.by_aerosol),
+            color_of(light.rest) + tint.cwiseProduct(color_of(light.white_ground))};
 }
 
 Vec3f cubic(const Vec3f& a, const Vec3f& b, const Vec3f& c, const Vec3f& d, float t) {
@@ -96,7 +104,7 @@ AirSettings air_of(const DaylightSettings& settings) {
     AirSettings air;
     air.aerosol = (settings.turbidity - 1.0) * rayleigh_depth(zenith_wavelength);
     air.ozone = settings.ozone;
-    air.ground_albedo = settings.ground_albedo;
+    air.ground_albedo = grey_of(settings.ground_albedo);
     air.sun_radius = 0.5 * settings.angle;
     return air;
 }
@@ -108,13 +116,14 @@ Vec3f color_of(const Spectrum& spectrum) {
 
 Daylight::Daylight(const DaylightSettings& settings, const Loop& loop)
     : settings_(settings), atmosphere_(air_of(settings), loop),
-      sun_cosine_(settings.direction.normalized().y()) {}
+      sun_cosine_(settings.direction.normalized().y()),
+      ground_tint_((settings.ground_albedo.array() - grey_of(settings.ground_albedo)).cast<float>()) {}
 
 Vec3f Daylight::radiance(const Vec3d& direction) const {
     const Vec3d view = direction.normalized();
     const double view_sun = std::clamp(view.dot(settings_.direction.normalized()), -1.0, 1.0);
     const Path path = atmosphere_.path(settings_.altitude, view.y(), view_segments);
-    return parts_of(atmosphere_.scattered(path, sun_cosine_, view_sun)).radiance(view_sun);
+    return parts_of(atmosphere_.scattered(path, sun_cosine_, view_sun), ground_tint_).radiance(view_sun);
 }
 
 Vec3f sun_irradiance(const DaylightSettings& settings, const Atmosphere& air) {
@@ -141,7 +150,7 @@ void Daylight::image_row(size_t row, size_t height, std::span<Vec3f> pixels) con
     std::vector<Parts> parts;
     for (size_t i = 0; i < azimuths; ++i) {
         const double azimuth = pi * static_cast<double>(i) / static_cast<double>(azimuths - 1);
-        parts.push_back(parts_of(atmosphere_.scattered(path, sun_cosine_, view_sun(azimuth))));
+        parts.push_back(parts_of(atmosphere_.scattered(path, sun_cosine_, view_sun(azimuth)), ground_tint_));
     }
     const size_t width = pixels.size();
     for (size_t column = 0; column < width; ++column) {

@@ -11,7 +11,7 @@
 //                                   molecules at 550 nm. 1 pure air, 2 very clear, 3 clear, 6 hazy, 10 thick
 //   ozone          DU    300        ozone column, which makes the zenith blue at dusk; 100 ... 500 on earth
 //   altitude       m     100        of the scene above sea level
-//   ground_albedo  1     0.2        reflectance of the surrounding land
+//   ground_albedo  1     0.2        reflectance of the surrounding land, a number or a colour
 //   strength       1     1          factor on sun and sky
 //   seen_by_camera -     true       false: they light the scene, but the camera does not see them
 //
@@ -22,10 +22,10 @@
 //
 // Units: at strength 1 the sun above the air gives an irradiance of 5 in each of red, green and blue. White
 // is sunlight above the air, to which the viewer's eye is assumed to be adapted (Bradford's transform; CIE
-// 15:2004); at noon the radiance of a white ground is about 1.6. Below the horizon: the land, uniformly grey,
-// seen through the air from `altitude`. After sunset only the sky is left; with the sun 18 degrees or more
-// below the horizon the sky is black: there are no moon, stars or airglow. There is no refraction and no
-// cloud. Colours outside linear sRGB (parts of a blue sky and of a red dusk) have their negative component
+// 15:2004); at noon the radiance of a white ground is about 1.6. Below the horizon: the land, of one colour,
+// seen through the air from `altitude`; the air itself is lit by a grey land of the same luminance. After
+// sunset only the sky is left; with the sun 18 degrees or more below the horizon the sky is black: there are
+// no moon, stars or airglow. There is no refraction and no cloud. Colours outside linear sRGB (parts of a blue sky and of a red dusk) have their negative component
 // set to 0.
 //
 // Bodhaine et al. 1999 (molecules); Hess et al. 1998 (aerosol); Gorshelev et al. 2014 (ozone); Hillaire 2020
@@ -48,7 +48,7 @@ struct DaylightSettings {
     double turbidity = 2.5;
     double ozone = 300.0;    // Dobson units
     double altitude = 100.0; // m
-    double ground_albedo = 0.2;
+    Vec3d ground_albedo = Vec3d::Constant(0.2);
 };
 
 AirSettings air_of(const DaylightSettings& settings);
@@ -80,6 +80,7 @@ class Daylight {
     DaylightSettings settings_;
     Atmosphere atmosphere_;
     double sun_cosine_; // with the vertical
+    Vec3f ground_tint_; // the ground's albedo less that of the grey ground that lights the air
 };
 
 } // namespace marram

@@ -60,7 +60,8 @@ std::vector<ParamSpec> daylight_params() {
              "haze: 1 pure air, 2 very clear, 3 clear, 6 hazy, 10 thick"},
             {"ozone", number, "DU", "300", 0, 1000, "", "makes dusk blue overhead; 100 to 500 on earth"},
             {"altitude", number, "m", "100", 0, 50000, "", "of the scene above the sea"},
-            {"ground_albedo", number, "", "0.2", 0, 1, "", "share of light that the land around reflects"},
+            {"ground_albedo", color, "", "0.2", 0, 1, "",
+             "share of light that the land around reflects, a number or a colour"},
             {"strength", number, "", "1", 0, brightest_light, "",
              "factor on everything; at 1 the sun above the air gives 5 W/m^2"},
             seen_by_camera_param()};
@@ -73,7 +74,7 @@ DaylightLights make_daylight(const ParamSet& params) {
     settings.turbidity = params.number("turbidity");
     settings.ozone = params.number("ozone");
     settings.altitude = params.number("altitude");
-    settings.ground_albedo = params.number("ground_albedo");
+    settings.ground_albedo = params.vec3("ground_albedo");
     DaylightLights lights = daylight_lights(settings, float(params.number("strength")));
     if (!params.boolean("sun")) lights.sun.reset();
     lights.sky.visible = params.boolean("seen_by_camera");

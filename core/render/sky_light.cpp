@@ -2,12 +2,12 @@
 #include "core/render/sky_light.h"
 
 #include <algorithm>
+#include <cmath>
 
 namespace marram {
 namespace {
 
 constexpr size_t sky_cells = 512;
-constexpr float ground_blend = 0.1F;
 
 // Simpson's rule over each cell; positive if the sky has light there.
 Distribution1D table_of(const SkyLight& light) {
@@ -29,7 +29,10 @@ std::vector<ParamSpec> sky_params() {
     constexpr double bright = brightest_light;
     return {{"zenith", color, "W/(m^2 sr)", "[0.25, 0.45, 0.9]", 0, bright, "", "radiance straight above"},
             {"horizon", color, "W/(m^2 sr)", "[0.8, 0.87, 0.95]", 0, bright, "", "radiance at the horizon"},
-            {"ground", color, "W/(m^2 sr)", "[0.2, 0.18, 0.15]", 0, bright, "", "radiance below the horizon"},
+            {"ground", color, "W/(m^2 sr)", "[0.2, 0.18, 0.15]", 0, bright, "",
+             "radiance of the land below the horizon"},
+            {"haze", number, "", "0.01", 0, 1, "",
+             "optical depth of the air straight down to the land; 0: a sharp horizon"},
             {"strength", number, "", "1", 0, bright, "", "factor on all three"},
             seen_by_camera_param()};
 }
@@ -39,6 +42,7 @@ SkyLight make_sky(const ParamSet& params) {
     sky.zenith = color_of(params, "zenith");
     sky.horizon = color_of(params, "horizon");
     sky.ground = color_of(params, "ground");
+    sky.haze = float(params.number("haze"));
     sky.strength = float(params.number("strength"));
     sky.visible = params.boolean("seen_by_camera");
     return sky;
@@ -51,8 +55,7 @@ Vec3f sky_radiance(const SkyLight& sky, const Vec3f& direction) {
         const float down = 1.0F - std::min(y, 1.0F);
         color = sky.horizon + (1.0F - down * down * down) * (sky.zenith - sky.horizon);
     } else {
-        const float t = std::min(-y / ground_blend, 1.0F);
-        color = sky.horizon + t * t * (3.0F - 2.0F * t) * (sky.ground - sky.horizon);
+        color = sky.horizon + std::exp(sky.haze / y) * (sky.ground - sky.horizon);
     }
     return sky.strength * color;
 }

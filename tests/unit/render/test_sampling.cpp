@@ -335,5 +335,27 @@ TEST(Sky, AlikeColoursAreExact) {
     }
 }
 
+// Whatever the haze, the land is hidden at the horizon and seen below, and the light that is sampled is all there is.
+TEST(Sky, HazeHidesTheLandAtTheHorizon) {
+    for (const float haze : {0.0F, 1e-4F, 0.01F, 1.0F}) {
+        SkyLight sky;
+        sky.haze = haze;
+        sky.ground = Vec3f::Zero();
+        EXPECT_EQ(sky_radiance(sky, Vec3f::UnitX()), Vec3f::Ones());
+        EXPECT_FLOAT_EQ(sky_radiance(sky, -Vec3f::UnitY()).x(), 1.0F - std::exp(-haze));
+        float before = 1.0F;
+        double air = 0.0; // radiance of the lower half over heights
+        constexpr int steps = 100000;
+        for (int i = 0; i < steps; ++i) {
+            const float y = -(static_cast<float>(i) + 0.5F) / steps;
+            const float now = sky_radiance(sky, Vec3f(std::sqrt(1.0F - y * y), y, 0.0F)).x();
+            EXPECT_LE(now, before);
+            before = now;
+            air += static_cast<double>(now) / steps;
+        }
+        EXPECT_NEAR(check_light(sky), 2.0 * pi * (1.0 + air), 2e-3);
+    }
+}
+
 } // namespace
 } // namespace marram

@@ -227,6 +227,23 @@ TEST(Daylight, AgreesWithARandomWalkOfAllScattering) {
     EXPECT_LT(worst_haze, 0.06);
 }
 
+// A colour tints the land that is seen, and not the air; on the land itself it is the reflectance.
+TEST(Daylight, TheLandHasItsColour) {
+    DaylightSettings grey, brown;
+    grey.altitude = brown.altitude = 0.0;
+    brown.ground_albedo = {0.3, 0.2, 0.1};
+    grey.ground_albedo = Vec3d::Constant(Vec3d(0.2126, 0.7152, 0.0722).dot(brown.ground_albedo));
+    const Daylight under_grey(grey), under_brown(brown);
+    const Vec3f down = under_brown.radiance(-Vec3d::UnitY()), plain = under_grey.radiance(-Vec3d::UnitY());
+    EXPECT_TRUE(down.isApprox(
+        plain.cwiseProduct((brown.ground_albedo / grey.ground_albedo.x()).cast<float>()), 1e-5F));
+    const Vec3d up = Vec3d(1.0, 0.2, 0.3).normalized();
+    EXPECT_EQ(under_brown.radiance(up), under_grey.radiance(up));
+    brown.altitude = 100.0;
+    const Vec3f far = Daylight(brown).radiance(Vec3d(1.0, -2e-3, 0.0)); // 30 km of air
+    EXPECT_GT(far.z() / far.x(), 2.0F * down.z() / down.x());
+}
+
 // Light that leaves the top of a planet without absorption, relative to the light that its disc receives.
 // Integrates over all sun elevations, which represent all places.
 TEST(Daylight, AWhitePlanetSendsBackWhatItReceives) {
@@ -324,7 +341,7 @@ TEST(Daylight, IsFiniteAndNeverNegative) {
         settings.turbidity = (corner & 1) != 0 ? 20.0 : 1.0;
         settings.ozone = (corner & 2) != 0 ? 1000.0 : 0.0;
         settings.altitude = (corner & 4) != 0 ? 50000.0 : 0.0;
-        settings.ground_albedo = (corner & 8) != 0 ? 1.0 : 0.0;
+        settings.ground_albedo.setConstant((corner & 8) != 0 ? 1.0 : 0.0);
         settings.angle = (corner & 1) != 0 ? 10.0 * degree : 0.0;
         const Daylight day(settings);
         std::vector<Vec3f> row(64);

@@ -169,23 +169,47 @@ namespace {
 
 using UvSquare = std::pair<int, int>;
 
-// The unit squares of uv that a geometry uses: by the centroids of triangles, by the roots of strands.
-std::set<UvSquare> uv_squares(const World& world, size_t geometry) {
+// Calls visit(uv) at the centroids of the n^2 equal triangles that a triangle is divided into.
+template <typename Visit>
+void visit_centroids(const Vec2f& a, const Vec2f& b, const Vec2f& c, int n, Visit&& visit) {
+    const auto at = [&](float i, float j) {
+        return Vec2f(a + (i * (b - a) + j * (c - a)) / static_cast<float>(n));
+    };
+    constexpr float third = 1.0F / 3.0F;
+    for (int i = 0; i < n; ++i)
+        for (int j = 0; i + j < n; ++j) {
+            visit(at(float(i) + third, float(j) + third));
+            if (i + j + 1 < n) visit(at(float(i) + 2.0F * third, float(j) + 2.0F * third));
+        }
+}
+
+// The unit squares of scaled uv that a geometry uses: by the centroids of triangles (those that exceed a
+// square are divided), by the roots of strands.
+std::set<UvSquare> uv_squares(const World& world, size_t geometry, const Vec2f& scale) {
+    constexpr size_t most_squares = 4096;
+    constexpr float most_pieces = 64.0F; // of the side of a triangle
     std::set<UvSquare> squares;
     const auto add = [&](const Vec2f& uv) {
-        if (uv.allFinite() && uv.cwiseAbs().maxCoeff() < 1e6F)
+        if (uv.allFinite() && uv.cwiseAbs().maxCoeff() < 1e6F && squares.size() < most_squares)
             squares.emplace(int(std::floor(uv.x())), int(std::floor(uv.y())));
     };
     if (geometry < world.meshes.size()) {
         const MeshGeometry& mesh = world.meshes[geometry];
         if (mesh.uvs.empty()) return squares;
-        for (const auto& [a, b, c] : mesh.triangles) add((mesh.uvs[a] + mesh.uvs[b] + mesh.uvs[c]) / 3.0F);
+        const auto scaled = [&](uint32_t v) { return Vec2f(mesh.uvs[v].cwiseProduct(scale)); };
+        for (const auto& [ia, ib, ic] : mesh.triangles) {
+            if (squares.size() >= most_squares) break;
+            const Vec2f a = scaled(ia), b = scaled(ib), c = scaled(ic);
+            const float extent = (a.cwiseMax(b).cwiseMax(c) - a.cwiseMin(b).cwiseMin(c)).maxCoeff();
+            const float pieces = extent > 1.0F ? std::min(std::ceil(2.0F * extent), most_pieces) : 1.0F;
+            visit_centroids(a, b, c, int(pieces), add);
+        }
         return squares;
     }
     const AttributeValues* uvs =
         find_attribute(world.curves[geometry - world.meshes.size()].attributes, "root_uv");
     for (size_t i = 0; uvs && uvs->components == 2 && i + 1 < uvs->values.size(); i += 2)
-        add({uvs->values[i], uvs->values[i + 1]});
+        add(Vec2f(uvs->values[i], uvs->values[i + 1]).cwiseProduct(scale));
     return squares;
 }
 
@@ -195,14 +219,17 @@ std::string tile_name(const UvSquare& square) {
                                       : fmt::format("uv ({}, {})", u, v);
 }
 
-// A line if an image lacks tiles that are used, or is a single tile that repeats over others; else "".
+// A line if an image lacks tiles that are used, or is a single tile that repeats over others, unless
+// map_scale asks for that; else "".
 std::string tile_warning(const Item& material, const ParamValue& image, const std::set<UvSquare>& squares,
                          const std::string& geometry) {
     const std::string begin = fmt::format("{}: \"{}\"", to_string(image.place), image.text);
     if (!has_udim(image.text)) {
         const std::string pattern = udim_pattern(image.text);
         const bool alone = squares.empty() || (squares.size() == 1 && squares.contains({0, 0}));
-        if (pattern.empty() || alone || material.params.text("map_wrap") != "auto") return "";
+        const bool repeats_as_told =
+            material.params.text("map_wrap") != "auto" || material.params.vec2("map_scale") != Vec2d::Ones();
+        if (pattern.empty() || alone || repeats_as_told) return "";
         return fmt::format("{} is named as one tile, and repeats over the other squares of the uv of '{}': "
                            "write \"{}\" for all "
                            "tiles, or map_wrap = \"repeat\"",
@@ -214,8 +241,10 @@ std::string tile_warning(const Item& material, const ParamValue& image, const st
     for (const UvSquare& square : squares)
         if (!there.contains(square) && missing.size() < 10) missing.push_back(tile_name(square));
     if (missing.empty()) return "";
-    return fmt::format("{} has no tile {}, which '{}' uses: it is black there: add the file, or move the uvs",
-                       begin, fmt::join(missing, ", "), geometry);
+    return fmt::format(
+        "{} has no tile {}, which '{}' uses: it is black there: add the file, or move the uvs{}", begin,
+        fmt::join(missing, ", "), geometry,
+        material.params.vec2("map_scale") == Vec2d::Ones() ? "" : " or map_scale");
 }
 
 } // namespace
@@ -229,17 +258,20 @@ std::vector<std::string> check_tiles(const Shot& shot, const World& world) {
                     : std::tie(world.curves[geometry - world.meshes.size()].name,
                                world.curves[geometry - world.meshes.size()].material);
         if (index < 0) continue;
-        std::optional<std::set<UvSquare>> squares;
-        for (const size_t part : blended_materials(shot, size_t(index)))
+        for (const size_t part : blended_materials(shot, size_t(index))) {
+            std::optional<std::set<UvSquare>> squares;
             for (const char* map : {"color_map", "roughness_map", "specular_map"}) {
                 const Item& material = shot.description.materials[part];
                 const ParamValue* image = material.params.find(map);
                 if (!image || image->text.empty() || !material.params.has(map)) continue;
-                if (!squares) squares = uv_squares(world, geometry);
+                if (!has_udim(image->text) && udim_pattern(image->text).empty()) continue;
+                if (!squares)
+                    squares = uv_squares(world, geometry, material.params.vec2("map_scale").cast<float>());
                 std::string warning = tile_warning(material, *image, *squares, name);
                 if (!warning.empty() && std::ranges::find(warnings, warning) == warnings.end())
                     warnings.push_back(std::move(warning));
             }
+        }
     }
     return warnings;
 }

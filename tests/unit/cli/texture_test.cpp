@@ -115,6 +115,35 @@ TEST(Texture, TilesOfGroomsAndWarnings) {
     EXPECT_CONTAINS(gone.err, "there is no tile of \"fur.<UDIM>.png\"");
 }
 
+// map_scale moves uvs to other tiles.
+TEST(Texture, WarningsOfTilesCountTheScale) {
+    const Folder folder;
+    const std::vector<float> white(size_t(4 * 4 * 3), 1.0F);
+    for (const char* name : {"fur.1001.png", "fur.1002.png", "one.1001.png"})
+        write_png(folder / name, 4, 4, 3, white.data(), 0.0);
+    folder.write("quad.obj", "v -1 0 1\nv 1 0 1\nv 1 0 -1\nv -1 0 -1\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n"
+                             "f 1/1 2/2 3/3 4/4\n");
+    const auto warned = [&](const std::string& map, const std::string& scale) {
+        const std::string scene = folder.write(
+            "a.toml",
+            "[camera]\nposition = [0, 2, 2]\ntarget = [0, 0, 0]\n[film]\nsize = [8, 8]\nsamples = 1\n"
+            "[[light]]\ntype = \"sky\"\n[[material]]\nname = \"m\"\ntype = \"surface\"\ncolor_map = \"" +
+                map + "\"\nmap_scale = " + scale +
+                "\n[[mesh]]\nname = \"b\"\ntype = \"file\"\nfile = \"quad.obj\"\nmaterial = \"m\"\n");
+        const ProgramResult done = marram({"render", scene, "-o", folder / "a.exr", "--quiet"});
+        EXPECT_EQ(done.code, 0) << done.err;
+        return done.err;
+    };
+    EXPECT_EQ(warned("fur.<UDIM>.png", "[1, 1]"), "");
+    EXPECT_EQ(warned("fur.<UDIM>.png", "[2, 1]"), "");
+    EXPECT_EQ(warned("fur.<UDIM>.png", "[0.5, 0.5]"), "");
+    EXPECT_CONTAINS(warned("fur.<UDIM>.png", "[2, 2]"), "has no tile 1011, 1012, which 'b' uses");
+    EXPECT_CONTAINS(warned("fur.<UDIM>.png", "[5, 1]"), "has no tile 1003, 1004, 1005, which 'b' uses");
+    EXPECT_CONTAINS(warned("fur.<UDIM>.png", "[-2, 1]"),
+                    "has no tile uv (-2, 0), uv (-1, 0), which 'b' uses");
+    EXPECT_EQ(warned("one.1001.png", "[3, 1]"), "") << "asked for";
+}
+
 TEST(Texture, StandsUprightAndKeepsItsValues) {
     const Folder folder;
     const auto texture = open_texture(fields(folder), TextureContent::color, {});

@@ -46,6 +46,23 @@ void check_on_mesh(const Item& material, const MaterialUse& use, std::vector<std
                         to_string(use.item.place), use.item.name));
 }
 
+bool is_black(const Material& material) {
+    return !material.mapped && evaluate(bsdf_at(material, ShadingPoint{}), Vec3f::UnitZ()).value.isZero(0.0F);
+}
+
+// A line for a shadow catcher whose material reflects nothing: a shadow is a share of what it reflects.
+void check_catcher(const Shot& shot, size_t mesh, std::vector<std::string>& warnings) {
+    const SceneMesh& catcher = shot.geometry.meshes[mesh];
+    if (!catcher.shadow_catcher || catcher.material < 0) return;
+    for (const size_t part : blended_materials(shot, size_t(catcher.material)))
+        if (const Material& material = shot.materials[part];
+            !std::holds_alternative<BlendSettings>(material.settings) && !is_black(material))
+            return;
+    const Item& item = shot.description.materials[size_t(catcher.material)];
+    warnings.push_back(fmt::format("{}: '{}' reflects nothing, so '{}' catches no shadow: give it a color",
+                                   to_string(item.place), item.name, catcher.name));
+}
+
 // The attributes that a material reads, as pairs of parameter and attribute name.
 std::vector<std::pair<const char*, std::string>> wanted_attributes_of(const Material& material) {
     std::vector<std::pair<const char*, std::string>> wanted;
@@ -139,6 +156,7 @@ std::vector<std::string> check_materials(const Shot& shot) {
             return &other.object() == &mesh && other.moves();
         });
         check(mesh.material, {shot.description.meshes[i], nullptr, true, moves});
+        check_catcher(shot, i, warnings);
     }
     for (size_t i = 0; i < shot.geometry.procedurals.size(); ++i) {
         const Procedural& procedural = *shot.geometry.procedurals[i];

@@ -80,6 +80,11 @@ void attach_mesh_light(SceneMesh& mesh, const std::vector<Item>& lights, size_t 
         throw InputError(lights[by].params.at("mesh").place,
                          fmt::format("mesh \"{}\" is a light but casts no shadows", mesh.name),
                          "leave its casts_shadows out");
+    if (mesh.shadow_catcher)
+        throw InputError(
+            lights[by].params.at("mesh").place,
+            fmt::format("mesh \"{}\" is a light, but its shadow_catcher shows only shadows", mesh.name),
+            "use two meshes, or leave its shadow_catcher out");
 }
 
 LightDescription make_light(const Item& item, std::vector<LightDescription>& suns,

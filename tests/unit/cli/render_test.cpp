@@ -431,4 +431,35 @@ TEST(Render, ShadowCatchersResume) {
     EXPECT_TRUE(same_picture(folder / "a.exr", folder / "b.exr"));
 }
 
+// Meshes that cannot catch a shadow.
+TEST(Render, CatchersThatShineOrReflectNothingAreTold) {
+    const Folder folder;
+    const auto render = [&](const std::string& light, const std::string& material) {
+        const std::string scene = folder.write(
+            "a.toml",
+            "[camera]\nposition = [0, 2, 4]\ntarget = [0, 0, 0]\n[film]\nsize = [8, 8]\nsamples = 1\n"
+            "[[light]]\ntype = \"sun\"\nseen_by_camera = false\n" +
+                light + material + "[[mesh]]\nname = \"ground\"\ntype = \"plane\"\nshadow_catcher = true\n" +
+                (material.empty() ? "" : "material = \"m\"\n"));
+        return marram({"render", scene, "-o", folder / "a.exr", "--quiet"});
+    };
+    const ProgramResult shines = render("[[light]]\ntype = \"mesh\"\nmesh = \"ground\"\n", "");
+    EXPECT_EQ(shines.code, 2);
+    EXPECT_CONTAINS(shines.err, "a.toml:12:");
+    EXPECT_CONTAINS(shines.err,
+                    "mesh \"ground\" is a light, but its shadow_catcher shows only shadows: use two "
+                    "meshes, or leave its shadow_catcher out");
+    const std::string material = "[[material]]\nname = \"m\"\n";
+    for (const char* black : {"type = \"diffuse\"\ncolor = [0, 0, 0]\n",
+                              "type = \"surface\"\ncolor = [0, 0, 0]\nspecular = 0\n"}) {
+        const ProgramResult done = render("", material + black);
+        EXPECT_EQ(done.code, 0);
+        EXPECT_EQ(lines(done.err).size(), 1U) << done.err;
+        EXPECT_CONTAINS(done.err, "'m' reflects nothing, so 'ground' catches no shadow: give it a color");
+    }
+    for (const char* grey : {"type = \"diffuse\"\n", "type = \"surface\"\ncolor = [0, 0, 0]\n"})
+        EXPECT_EQ(render("", material + grey).err, "");
+    EXPECT_EQ(render("", "").err, "");
+}
+
 } // namespace marram::testing

@@ -13,6 +13,7 @@ namespace {
 struct UsdaFlags {
     std::string_view purpose; // "": none given
     bool is_invisible = false;
+    bool blinks = false; // visible at some samples only
 };
 
 // The flags of a prim below one with the flags `above`.
@@ -24,11 +25,12 @@ UsdaFlags usda_flags(const UsdaPrim& prim, UsdaFlags above) {
     if (const std::string_view purpose = text_of(prim.find("purpose")); !purpose.empty())
         above.purpose = purpose;
     const auto samples = prim.samples("visibility");
-    const bool invisible = samples.empty() ? text_of(prim.find("visibility")) == "invisible"
-                                           : std::ranges::all_of(samples, [&](const auto& sample) {
-                                                 return text_of(sample.second) == "invisible";
-                                             });
-    above.is_invisible = above.is_invisible || invisible;
+    const auto hidden = std::ranges::count_if(
+        samples, [&](const auto& sample) { return text_of(sample.second) == "invisible"; });
+    const bool always = samples.empty() ? text_of(prim.find("visibility")) == "invisible"
+                                        : hidden == std::ranges::ssize(samples);
+    above.is_invisible = above.is_invisible || always;
+    above.blinks = above.blinks || (hidden > 0 && !always);
     return above;
 }
 
@@ -45,6 +47,21 @@ std::string list_of_paths(const std::vector<std::string>& paths) {
     return paths.size() > most ? text + fmt::format(" and {} more", paths.size() - most) : text;
 }
 
+// A path without the slashes at its end. "/" is above all prims.
+std::string_view trimmed_path(std::string_view path) {
+    const size_t last = path.find_last_not_of('/');
+    return last == std::string_view::npos ? path.substr(0, 1) : path.substr(0, last + 1);
+}
+
+// As the value of prims, of the first few.
+std::string quoted_paths(const std::vector<std::string>& paths) {
+    constexpr size_t most = 4;
+    std::string text;
+    for (size_t i = 0; i < std::min(paths.size(), most); ++i)
+        text += fmt::format("{}\"{}\"", i > 0 ? ", " : "", paths[i]);
+    return text + (paths.size() > most ? ", ..." : "");
+}
+
 class UsdaCurvesFinder {
   public:
     explicit UsdaCurvesFinder(std::span<const std::string> chosen)
@@ -55,6 +72,8 @@ class UsdaCurvesFinder {
     void visit(const UsdaPrim& prim, const std::string& parent, UsdaFlags above, bool is_chosen);
     void leave_out(std::string reason, const std::string& path);
     void warn_of_not_followed(const UsdaScene& scene);
+    void warn_of_blinking();
+    void check_chosen(const std::string& path) const;
 
     std::span<const std::string> chosen_;
     std::vector<char> has_found_; // [chosen]
@@ -63,6 +82,7 @@ class UsdaCurvesFinder {
     std::vector<UsdaLeftOut> left_out_;
     std::vector<std::string> all_; // paths of all curves that can be chosen
     std::vector<std::string> other_curves_;
+    std::vector<std::string> blinking_; // paths of curves that are read
 };
 
 void UsdaCurvesFinder::leave_out(std::string reason, const std::string& path) {
@@ -79,11 +99,11 @@ void UsdaCurvesFinder::visit(const UsdaPrim& prim, const std::string& parent, Us
     UsdaFlags flags = usda_flags(prim, above);
     std::vector<size_t> matches;
     for (size_t i = 0; i < chosen_.size(); ++i)
-        if (chosen_[i] == path || chosen_[i] == prim.name) matches.push_back(i);
-    if (!matches.empty()) {
-        is_chosen = true;
-        flags = {};
-    }
+        if (const std::string_view one = trimmed_path(chosen_[i]);
+            one == path || one == prim.name || (one == "/" && parent.empty()))
+            matches.push_back(i);
+    is_chosen = is_chosen || !matches.empty();
+    if (is_chosen && !chosen_.empty()) flags = {}; // the user's choice counts, not flags
     const size_t before = all_.size();
     if (prim.type == "BasisCurves") {
         all_.push_back(path);
@@ -93,8 +113,10 @@ void UsdaCurvesFinder::visit(const UsdaPrim& prim, const std::string& parent, Us
             leave_out("are invisible", path);
         else if (flags.purpose == "guide" || flags.purpose == "proxy")
             leave_out(fmt::format("have the purpose {}", flags.purpose), path);
-        else
+        else {
             found_.prims.push_back({path, ancestors_});
+            if (flags.blinks) blinking_.push_back(path);
+        }
     }
     if (is_chosen && (prim.type == "HermiteCurves" || prim.type == "NurbsCurves"))
         other_curves_.push_back(path);
@@ -117,14 +139,38 @@ void UsdaCurvesFinder::warn_of_not_followed(const UsdaScene& scene) {
     }
 }
 
+void UsdaCurvesFinder::warn_of_blinking() {
+    if (blinking_.empty()) return;
+    const bool one = blinking_.size() == 1;
+    found_.warnings.push_back(fmt::format(
+        "{} of curves {} visibility over time, which is not followed, and {} read at all times: {}: "
+        "prims = [{}] reads {} without this line",
+        one ? "1 prim" : fmt::format("{} prims", blinking_.size()), one ? "changes its" : "change their",
+        one ? "is" : "are", list_of_paths(blinking_), quoted_paths(blinking_), one ? "it" : "them"));
+}
+
+// Every choice must have found curves.
+void UsdaCurvesFinder::check_chosen(const std::string& path) const {
+    for (size_t i = 0; i < chosen_.size(); ++i) {
+        if (has_found_[i]) continue;
+        const std::string whole = fmt::format("/{}", trimmed_path(chosen_[i]));
+        if (std::ranges::any_of(all_, [&](const std::string& curves) {
+                return curves == whole || curves.starts_with(whole + "/");
+            }))
+            throw InputError(
+                {path}, fmt::format("prims has \"{}\", which is a path without its first slash", chosen_[i]),
+                fmt::format("write \"{}\"", whole));
+        throw InputError({path},
+                         fmt::format("prims has \"{}\", which is or holds no BasisCurves", chosen_[i]),
+                         all_.empty() ? "leave it out" : "choose among " + list_of_paths(all_));
+    }
+}
+
 UsdaCurvesFound UsdaCurvesFinder::find(const std::string& path, const UsdaScene& scene) {
     for (const UsdaPrim& prim : scene.layer().prims) visit(prim, "", {}, chosen_.empty());
     warn_of_not_followed(scene);
-    for (size_t i = 0; i < chosen_.size(); ++i)
-        if (!has_found_[i])
-            throw InputError({path},
-                             fmt::format("prims has \"{}\", which is or holds no BasisCurves", chosen_[i]),
-                             all_.empty() ? "leave it out" : "choose among " + list_of_paths(all_));
+    check_chosen(path);
+    warn_of_blinking();
     for (const UsdaLeftOut& one : left_out_)
         if (one.reason != "are not among prims") // the user's own choice
             found_.warnings.push_back(

@@ -85,7 +85,7 @@ TEST(UsdaCurves, OnlyThoseMeantToBeSeen) {
                              "token visibility.timeSamples = { 1: \"invisible\", 2: \"invisible\" }\n")));
     std::vector<std::string> warnings;
     EXPECT_EQ(read_curves(text, {}, &warnings), (std::vector<int>{1, 5, 9, 10}));
-    EXPECT_EQ(warnings.size(), 3u);
+    EXPECT_EQ(warnings.size(), 4u);
     EXPECT_TRUE(says(
         warnings, "the curves /G/guides, /G/grid/guides2 are left out, as they have the purpose guide; prims "
                   "= [\"/G/guides\"] reads them"));
@@ -93,12 +93,25 @@ TEST(UsdaCurves, OnlyThoseMeantToBeSeen) {
     EXPECT_TRUE(says(
         warnings, "the curves /G/old, /G/hidden/below, /G/hidden/deep/deeper, /G/never are left out, as they "
                   "are invisible"));
-    // By path, by name, and all below a parent, whatever flags the chosen prim has or inherits.
+    EXPECT_TRUE(says(warnings,
+                     "1 prim of curves changes its visibility over time, which is not followed, and "
+                     "is read at all times: /G/blinks: prims = [\"/G/blinks\"] reads it without this "
+                     "line"));
+    // By path, by name, and all below a parent, whatever flags it or they have or inherit.
     EXPECT_EQ(read_curves(text, {"/G/guides"}, &warnings), std::vector<int>{2});
     EXPECT_TRUE(warnings.empty());
     EXPECT_EQ(read_curves(text, {"proxy", "hair"}), (std::vector<int>{1, 3}));
     EXPECT_EQ(read_curves(text, {"/G/hidden"}), (std::vector<int>{6, 7}));
     EXPECT_EQ(read_curves(text, {"grid"}), (std::vector<int>{8, 9}));
+    for (const char* all : {"/G", "G", "/G/", "/"}) {
+        EXPECT_EQ(read_curves(text, {all}, &warnings), (std::vector<int>{1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11}));
+        EXPECT_TRUE(warnings.empty()) << all;
+    }
+    EXPECT_EQ(read_curves(text, {"/G/hidden/", "hair//"}), (std::vector<int>{1, 6, 7}));
+    EXPECT_EQ(refused_with(text, {"G/hair"}),
+              "a.usda: prims has \"G/hair\", which is a path without its first slash: write \"/G/hair\"");
+    EXPECT_EQ(refused_with(text, {"/G/hair", "G/grid/"}),
+              "a.usda: prims has \"G/grid/\", which is a path without its first slash: write \"/G/grid\"");
     EXPECT_EQ(
         refused_with(text, {"hair", "/G/gone"}),
         "a.usda: prims has \"/G/gone\", which is or holds no BasisCurves: choose among /G/hair, /G/guides, "
@@ -106,6 +119,27 @@ TEST(UsdaCurves, OnlyThoseMeantToBeSeen) {
     EXPECT_EQ(refused_with(usda_layer(curves_prim("g", 1, guide))),
               "a.usda: the curves /g are left out, as they have the "
               "purpose guide: name those to read: prims = [\"/g\"]");
+}
+
+TEST(UsdaCurves, VisibilityThatChangesIsOneLine) {
+    const auto timed = [](const char* samples) {
+        return fmt::format("token visibility.timeSamples = {{ {} }}\n", samples);
+    };
+    const std::string text =
+        usda_layer(xform_prim("A", timed("1: \"inherited\", 5: \"invisible\"") + curves_prim("a", 1) +
+                                       curves_prim("b", 2) +
+                                       curves_prim("never", 3, "token visibility = \"invisible\"\n")) +
+                   xform_prim("B", timed("1: \"inherited\", 5: \"inherited\"") + curves_prim("c", 4)));
+    std::vector<std::string> warnings;
+    EXPECT_EQ(read_curves(text, {}, &warnings), (std::vector<int>{1, 2, 4}));
+    ASSERT_EQ(warnings.size(), 2u);
+    EXPECT_TRUE(says(warnings,
+                     "2 prims of curves change their visibility over time, which is not followed, and "
+                     "are read at all times: /A/a, /A/b: prims = [\"/A/a\", \"/A/b\"] reads them "
+                     "without this line"))
+        << warnings[0];
+    EXPECT_EQ(read_curves(text, {"a"}, &warnings), std::vector<int>{1});
+    EXPECT_TRUE(warnings.empty());
 }
 
 TEST(UsdaCurves, ContentFromElsewhereIsOneLineEach) {

@@ -111,10 +111,25 @@ void finish_normals(Mesh& mesh, bool smooth) {
     }
 }
 
-bool same_but_for_sides(const std::vector<Triangle>& a, const std::vector<Triangle>& b) {
-    return std::ranges::equal(a, b, [](const Triangle& s, const Triangle& t) {
-        return s == t || (s[0] == t[0] && s[1] == t[2] && s[2] == t[1]);
-    });
+// Whether two meshes have the same polygons, whichever way these are wound and divided into triangles: a
+// polygon's triangles follow each other, and its edges are those of an odd number of them.
+bool same_polygons(const std::vector<Triangle>& a, const std::vector<Triangle>& b) {
+    constexpr size_t most_edges = 256; // of polygons that differ
+    if (a.size() != b.size()) return false;
+    std::vector<std::pair<uint32_t, uint32_t>> edges; // of an odd number of both; none: a polygon ends
+    const auto toggle = [&](uint32_t from, uint32_t to) {
+        const std::pair edge = std::minmax({from, to});
+        if (const auto same = std::ranges::find(edges, edge); same != edges.end())
+            edges.erase(same);
+        else
+            edges.push_back(edge);
+    };
+    for (size_t t = 0; t < a.size() && edges.size() <= most_edges; ++t) {
+        if (edges.empty() && a[t] == b[t]) continue;
+        for (const Triangle& triangle : {a[t], b[t]})
+            for (size_t k = 0; k < 3; ++k) toggle(triangle[k], triangle[(k + 1) % 3]);
+    }
+    return edges.empty();
 }
 
 // The sides of a mesh as read, before missing normals are made.
@@ -122,7 +137,7 @@ void settle(Mesh& mesh, const MeshLoading& loading, bool may_be_wrong) {
     if (loading.first_shape) { // vertices that meet at one frame must not change sides
         if (loading.flip)
             for (Vec3f& normal : mesh.normals) normal = -normal;
-        if (same_but_for_sides(mesh.triangles, loading.first_shape->triangles))
+        if (same_polygons(mesh.triangles, loading.first_shape->triangles))
             mesh.triangles = loading.first_shape->triangles;
         return;
     }

@@ -26,7 +26,8 @@ struct MeshSides;
 struct MeshLoading {
     bool smooth = true; // of a file without any normals: vertex_normals(), else facets
     bool flip = false;  // turn the mesh over: what was inside is outside
-    // Of a mesh that deforms: its first shape. Its triangles are taken, sides included, if this file's are the same but for sides.
+    // Of a mesh that deforms: its first shape. Its triangles are taken if this file has the same polygons,
+    // whichever way these are wound and divided.
     const Mesh* first_shape = nullptr;
     MeshSides* sides = nullptr; // receives what settle_sides() found
     // Receives a line for uvs and normals that faces of an OBJ refer to and that the file does not have.

@@ -328,6 +328,11 @@ std::vector<MeshShape> load_shapes(const Item& item, const Mesh& first, const st
         Mesh mesh = load_mesh(file, {.smooth = item.params.boolean("smooth"),
                                      .flip = item.params.boolean("flip"),
                                      .first_shape = &first});
+        if (mesh.triangles != first.triangles && mesh.triangles.size() == first.triangles.size() &&
+            mesh.positions.size() == first.positions.size())
+            throw InputError(
+                {file}, fmt::format("its triangles join other vertices than those of '{}'", files[0].second),
+                "a mesh that deforms keeps its triangles: export every frame from the same mesh");
         if (mesh.triangles != first.triangles || mesh.positions.size() != first.positions.size() ||
             mesh.normals.size() != first.normals.size())
             throw InputError(

@@ -113,6 +113,28 @@ TEST(Deform, sides_that_cannot_be_meant_are_warnings) {
     EXPECT_CONTAINS(marram({"info", folder / "named.obj"}).out, "note: " + folder / "named.obj:9:6: 2 faces");
 }
 
+// Polygons that a later frame winds the other way, or that are concave in it, are those of the first frame.
+TEST(Deform, triangles_wound_badly_in_a_later_frame_are_mended) {
+    const Folder folder;
+    const std::string scene = folder.write("a.toml", scene_text);
+    const auto square_with = [](const std::string& faces) {
+        return "v -0.5 0 0\nv 0.5 0 0\nv 0.5 1 0\nv -0.5 1 0\n" + faces;
+    };
+    folder.write("square.0001.obj", square_with("f 1 2 3\nf 1 3 4\n"));
+    for (const char* faces :
+         {"f 3 2 1\nf 1 3 4\n", "f 2 1 3\nf 4 1 3\n", "f 2 3 1\nf 3 4 1\n", "f 1 4 3 2\n"}) {
+        folder.write("square.0002.obj", square_with(faces));
+        EXPECT_DONE(marram({"render", scene, "-o", folder / "a.exr", "--quiet", "--spp", "1"}));
+    }
+    folder.write("square.0001.obj", square_with("f 1 2 3 4\n"));
+    folder.write("square.0002.obj", "v -0.5 0 0\nv -0.2 0.6 0\nv 0.5 1 0\nv -0.5 1 0\nf 1 2 3 4\n"); // concave
+    EXPECT_DONE(marram({"render", scene, "-o", folder / "a.exr", "--quiet", "--spp", "1"}));
+    folder.write("square.0002.obj", square_with("f 1 2 3\nf 1 2 4\n"));
+    const ProgramResult other = marram({"render", scene, "-o", folder / "a.exr", "--quiet", "--spp", "1"});
+    EXPECT_EQ(other.code, 2);
+    EXPECT_CONTAINS(other.err, "square.0002.obj: its triangles join other vertices than those of '");
+}
+
 TEST(Deform, carries_its_strands) {
     const Folder folder;
     write_square(folder, "square.0001.obj", 0.5);

@@ -89,7 +89,8 @@ void PlyFile::fail(const std::string& what, const std::string& fix) const {
 
 // ---- The header
 
-// The words of the next line. The first line of the file determines the line ending.
+// The words of the next line. The first line of the file determines the line ending: a carriage return alone,
+// else a line feed, which may follow a carriage return in some lines only.
 std::vector<std::string_view> PlyFile::header_words() {
     constexpr size_t longest_line = 4096;
     line_ = at_;
@@ -171,8 +172,8 @@ bool PlyFile::read_header_line(const std::vector<std::string_view>& words) {
 void PlyFile::read_header() {
     if (!bytes_.starts_with("ply") || bytes_.size() < 4 || (bytes_[3] != '\n' && bytes_[3] != '\r'))
         fail_header("does not begin with the line \"ply\"", "check that it is a PLY file");
-    newline_ = bytes_[3] == '\n' ? "\n" : bytes_.substr(3).starts_with("\r\n") ? "\r\n" : "\r";
-    at_ = 3 + newline_.size();
+    newline_ = bytes_[3] == '\n' || bytes_.substr(3).starts_with("\r\n") ? "\n" : "\r";
+    at_ = bytes_.find(newline_) + newline_.size();
     while (read_header_line(header_words())) {
     }
     if (!has_format_) fail_header("the header names no format", "add the line \"format ascii 1.0\"");

@@ -314,6 +314,17 @@ TEST_F(MeshFiles, PlyReadsAllEncodings) {
         }
 }
 
+// Line endings of an editor that changes some lines only.
+TEST_F(MeshFiles, PlyReadsMixedLineEndings) {
+    for (const char* format : {"ascii", "binary_little_endian"})
+        for (const char* from : {"\n", "\r\n"}) {
+            std::string text = ply_quad(format, from);
+            const size_t first = text.find(from), end = std::string(from).size();
+            text.replace(first, end, *from == '\n' ? "\r\n" : "\n"); // behind "ply"
+            EXPECT_EQ(load("q.ply", text, true).triangles.size(), 2u) << format;
+        }
+}
+
 TEST_F(MeshFiles, PlyKeepsNormalsAndFloats) {
     const Mesh mesh =
         load("n.ply", "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n"

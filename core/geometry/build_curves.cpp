@@ -354,7 +354,7 @@ StrandMotion measure_motion(Build& build, Procedural& procedural, uint32_t insta
         }
     });
     for (const StrandMotion& one : found) motion.add(one);
-    procedural.take_warnings(); // make_curves() will get them again
+    take_warnings(build, procedural); // of what make_curves() does not repeat, such as the placing of roots
     return motion;
 }
 

@@ -275,7 +275,7 @@ void make_mesh(Build& build, Procedural& procedural, uint32_t id) {
         if (build.chooses_keys() && left > build.settings.tolerance && 2 * keys - 1 <= most_motion_keys) {
             keys = 2 * keys - 1;
             build.lent.pop_back();
-            procedural.take_warnings(); // the next pass will get them again
+            take_warnings(build, procedural); // of what the next pass does not repeat
             continue;
         }
         if (moves) {

@@ -57,6 +57,22 @@ TEST(CoveredRoots, are_left_out_and_named) {
     }
 }
 
+// Roots are placed once, at the motion samples that choose the keys: what is said then must not be lost.
+TEST(CoveredRoots, are_named_once_with_motion_blur) {
+    TestScene scene(lawn_with_house(on_ground, "", "speed = 4\ncollision = { solver = \"exact\" }\n"));
+    scene.settings.shutter_open = -0.25;
+    scene.settings.shutter_close = 0.25;
+    scene.settings.motion_keys = 0; // chosen by the tolerance
+    scene.build();
+    EXPECT_EQ(std::ranges::count_if(scene.stats.warnings,
+                                    [](const std::string& warning) {
+                                        return warning.find("strands are left out, because another mesh "
+                                                            "covers their roots: ") != std::string::npos;
+                                    }),
+              1);
+    EXPECT_GT(scene.stats.chosen.at("grass.motion_keys"), 1.0) << "nothing moves";
+}
+
 TEST(CoveredRoots, stay_where_nothing_covers_them_for_good) {
     const uint64_t all = strands_of(lawn_with_house(on_ground, "clear_of = \"none\"\n"));
     const std::string keys = "transform = { keys = [{ frame = 1, translate = [0, 0.5, 0] }, "

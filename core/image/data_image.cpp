@@ -76,11 +76,14 @@ std::string nodata_text(const std::string& path) {
 
 // ---- holes ----------------------------------------------------------------------------------------------------------
 
-// Whether a pixel has the declared value: texts of floats are often rounded.
+// Whether a pixel has the declared value: texts of floats are often rounded. A value that is the largest
+// float or beyond, as in files of doubles, is infinite as a float, or clamped to the largest.
 bool is_value(double pixel, double value) {
-    constexpr double rounded = 1e-6;
-    return std::isnan(value) ? std::isnan(pixel)
-                             : pixel == value || std::abs(pixel - value) <= rounded * std::abs(value);
+    constexpr double rounded = 1e-6, largest = 3.4028e38;
+    if (std::isnan(value)) return std::isnan(pixel);
+    if (std::abs(value) >= largest)
+        return std::abs(pixel) >= largest && std::signbit(pixel) == std::signbit(value);
+    return pixel == value || std::abs(pixel - value) <= rounded * std::abs(value);
 }
 
 struct Marked {
@@ -223,7 +226,12 @@ std::optional<double> declared_nodata(const std::string& path) {
     double value = 0.0;
     const char *first = text.data() + begin, *last = text.data() + end + 1;
     const auto [stop, error] = std::from_chars(first, last, value);
-    return error == std::errc() && stop == last ? std::optional(value) : std::nullopt;
+    if (stop != last) return std::nullopt;
+    if (error == std::errc()) return value;
+    // The largest double with 15 digits is rounded up, beyond a double.
+    constexpr double largest = std::numeric_limits<double>::max();
+    if (text.find("e-") != std::string::npos || text.find("E-") != std::string::npos) return std::nullopt;
+    return *first == '-' ? -largest : largest;
 }
 
 void fill_pixels(Image& image, const std::vector<char>& marked) {
@@ -253,7 +261,8 @@ Image read_data_image(const std::string& path, std::vector<std::string>& notes) 
     Image image = read_image(path, ColorSpace::raw_data);
     if (const std::optional<double> nodata = declared_nodata(path)) {
         const double read = image.stored_one > 1.0 ? *nodata / image.stored_one : *nodata;
-        Marked holes = pixels_with(image, double(float(read)));
+        const bool fits = std::abs(read) <= double(std::numeric_limits<float>::max());
+        Marked holes = pixels_with(image, fits ? double(float(read)) : read);
         // OpenImageIO may read the least signed integer as -1.
         if (holes.count == 0 && image.stored_one > 1.0 && read < -1.0) holes = pixels_with(image, -1.0);
         if (holes.count == holes.pixels.size())

@@ -91,7 +91,8 @@ std::vector<double> with_holes(double hole) {
 }
 
 TEST_F(DataImages, DeclaredHolesAreFilledFromAround) {
-    const double lowest = double(std::numeric_limits<float>::lowest()), nan = std::nan("");
+    const double lowest = double(std::numeric_limits<float>::lowest()), nan = std::nan(""),
+                 infinity = std::numeric_limits<double>::infinity();
     struct Case {
         double hole;
         const char* declared;
@@ -102,6 +103,12 @@ TEST_F(DataImages, DeclaredHolesAreFilledFromAround) {
                           {-9999.0, "-9999.0 ", 32, true},
                           {nan, "nan", 32, false},
                           {lowest, "-3.40282346638529e+38", 32, false},
+                          {lowest, "-3.40282e+38", 32, false},
+                          {lowest, "-1.7976931348623157e+308", 32, false},
+                          {-infinity, "-1.7976931348623157e+308", 32, false}, // doubles, read as floats
+                          {-infinity, "-1.79769313486232e+308", 32, false}, // beyond a double, as GDAL rounds
+                          {-infinity, "-inf", 32, false},
+                          {infinity, "+inf", 32, true},
                           {-9999.0, "-9999", 16, false},
                           {-32768.0, "-32768", 16, true}}) {
         const Image image = read(tiff(with_holes(c.hole), c.declared, c.bits, c.big_endian));
@@ -121,6 +128,10 @@ TEST_F(DataImages, NothingIsFilledWithoutHoles) {
     read(tiff(with_holes(30.0), "-9999"));
     EXPECT_TRUE(notes.empty());
     EXPECT_EQ(declared_nodata(path.string()), -9999.0);
+    for (const char* beyond : {"-1.7976931348623157e+308", "-1.79769313486232e+308", "inf"}) {
+        read(tiff(with_holes(30.0), beyond));
+        EXPECT_TRUE(notes.empty()) << beyond;
+    }
     read(tiff(with_holes(30.0), "none"));
     EXPECT_FALSE(declared_nodata(path.string()).has_value());
     EXPECT_FALSE(declared_nodata("there is no such file").has_value());

@@ -194,8 +194,16 @@ Looks looks_of(const std::vector<float>& a, const std::vector<float>& b, const C
     return looks;
 }
 
+// Whether noise would be known if there were more samples.
+bool lacks_samples(const Picture& test, const Picture& reference, const Comparison& result) {
+    return !result.golden && !result.has_noise_estimate &&
+           std::ranges::any_of(std::array{&test, &reference}, [](const Picture* picture) {
+               return picture->samples == 1 && picture->find("variance");
+           });
+}
+
 void judge_perception(const std::vector<float>& a, const std::vector<float>& b,
-                      const std::optional<Limits>& limits, Comparison& result) {
+                      const std::optional<Limits>& limits, bool looks_decide, Comparison& result) {
     Looks looks = looks_of(a, b, result);
     result.flip = std::move(looks.flip);
     result.flip_mean = looks.flip_mean;
@@ -205,7 +213,7 @@ void judge_perception(const std::vector<float>& a, const std::vector<float>& b,
     result.flip_window_y = looks.flip_window.y;
     result.ssim = looks.ssim;
     constexpr double infinity = std::numeric_limits<double>::infinity();
-    const bool perception_decides = !limits && !result.has_noise_estimate;
+    const bool perception_decides = !limits && looks_decide;
     result.flip_mean_limit = limits               ? limits->flip_mean
                              : perception_decides ? plain_flip_mean
                                                   : noisy_flip_mean;
@@ -261,6 +269,9 @@ std::string samples_text(double factor, int samples) {
 // Where noise explains what looks different: whether it could also hide a difference that would be noticed.
 void judge_power(const Picture& test, const Picture& reference, const std::vector<float>& b,
                  const std::vector<float>& variance, Comparison& result) {
+    if (lacks_samples(test, reference, result) && result.alike() && !look_alike(result))
+        result.doubt =
+            "the difference may be noise: one sample a pixel has no variance: render both with more";
     if (result.golden || variance.empty() || result.equal || !result.alike() || look_alike(result)) return;
     double factor = 1.0;
     std::string what;
@@ -304,7 +315,7 @@ void judge_layer_power(const Picture& test, const Picture& reference, Comparison
 
 // FLIP and SSIM treat negative light as 0.
 void judge_below_zero(const std::vector<float>& a, const std::vector<float>& b, Comparison& result) {
-    if (result.golden || result.has_noise_estimate) return;
+    if (result.golden) return;
     double apart = 0.0, light = 0.0;
     for (size_t i = 0; i < b.size(); ++i) {
         apart += std::abs(std::min(double(a[i]), 0.0) - std::min(double(b[i]), 0.0));
@@ -340,8 +351,9 @@ Comparison compare_pictures(const Picture& test, const Picture& reference, const
     const std::vector<float> variance = variance_of_difference(test, reference, limits, result);
     result.has_noise_estimate = !variance.empty();
     if (result.has_noise_estimate) judge_noise(test, reference, a, b, variance, limits, result);
-    judge_perception(a, b, limits, result);
-    judge_below_zero(a, b, result);
+    const bool looks_decide = !result.has_noise_estimate && !lacks_samples(test, reference, result);
+    judge_perception(a, b, limits, looks_decide, result);
+    if (looks_decide) judge_below_zero(a, b, result);
     judge_power(test, reference, b, variance, result);
     judge_layer_power(test, reference, result);
     return result;

@@ -22,6 +22,9 @@
 // no earlier.) If that is beyond the limits (mean FLIP 0.1, which is just noticed everywhere, and 0.35 in
 // the worst window), whether the pictures are alike cannot be told, and `doubt` has the samples that it takes.
 //
+// A single sample a pixel has no variance, whatever its layer says. Then pictures with such a layer that look
+// different cannot be told, unless the mean FLIP is above 0.5.
+//
 // Without variance noise cannot be distinguished from errors. Then perception and structure alone decide,
 // with the limits in compare.cpp. The limit for the worst window (every 8th pixel, and the last) is 0.35. 238
 // pairs of renders that differ only in the seed (of fur, default, talk, dune, figure1c, figure2, gust_field,
@@ -52,7 +55,8 @@
 // had 0.0073, 0.0127, 0.0152. A wide-open lens, a filter of 4 pixels and a shutter of 4 frames gave no more.
 // The test of means is the one that noise cannot blind: of values that are at random at either end of the
 // range, means of windows that differ by 0.3 of the range are found. Where most windows need more than half
-// of the range (in pictures of a few pixels), whether the layers are alike cannot be told.
+// of the range (in pictures of a few pixels), whether the layers are alike cannot be told; of alpha, which
+// people see in the picture and whose noise is not in the layer of variance, where they need more than 0.1.
 //
 // Id layers (named id, one channel of integers, 0 for none) compare ids exactly. An id is unknown if it is
 // not among the 3 x 3 pixels around its place in the other picture. Noise is the fraction of ids that are

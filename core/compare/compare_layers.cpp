@@ -29,6 +29,7 @@ constexpr double noise_excess = 1.25;
 constexpr double window_bias = 0.1;   // difference of a window's means, relative to the layer's range
 constexpr double window_level = 1e-3; // probability of a false alarm of these, over all windows and channels
 constexpr double plain_share = 0.5;   // of the layer's range: a difference that no noise may hide
+constexpr double plain_alpha = 0.1;   // the same of alpha, absolute: people see it in the picture
 constexpr double noise_names = 1.1, spare_names = 0.05; // limit for unknown ids: factor on noise, offset
 constexpr double window_names = 0.1;                    // fraction of a window's pixels
 constexpr int farthest = 2;                             // maximum tested shift, pixels
@@ -375,12 +376,14 @@ void judge(const Picture::Layer& a, const Picture::Layer& b, bool same_samples, 
     if (same_samples || std::ranges::find(means_over_all, b.name) != means_over_all.end()) {
         windows = window_biases(a, b, result.range, frame);
         result.found_from = windows->found_from;
-        if (result.found_from > plain_share * result.range)
-            result.doubt =
-                fmt::format("layer {} could differ by half its range: the means of {} are found to "
-                            "differ from {:.3g} on, its range is {:.3g}: render both larger, or with "
-                            "more samples",
-                            b.name, window_text(frame.width, frame.height), result.found_from, result.range);
+        const bool is_alpha = b.name == "alpha";
+        const double plain = is_alpha ? plain_alpha : plain_share * result.range;
+        if (result.found_from > std::max(plain, window_bias * result.range))
+            result.doubt = fmt::format(
+                "layer {} could differ by {}: the means of {} are found to differ from {:.3g} on, "
+                "its range is {:.3g}: render both larger, or with more samples",
+                b.name, is_alpha ? fmt::format("{}", plain_alpha) : "half its range",
+                window_text(frame.width, frame.height), result.found_from, result.range);
     }
     result.fault = fault_of(a, b, result, windows, frame);
 }

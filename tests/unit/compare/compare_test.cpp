@@ -390,6 +390,40 @@ TEST(Compare, alpha_is_judged_and_the_last_pixels_are_seen) {
     EXPECT_LT(compared(edge, without_variance(made(1, 0.0))).ssim, 0.99);
 }
 
+// The layer of variance does not have alpha's. As from a shadow catcher: alpha differs, colours do not.
+TEST(Compare, noise_of_alpha_hides_no_plain_difference) {
+    const auto with_alpha = [](uint64_t seed, double noise, double shadow) {
+        Picture picture = made(1, 0.0);
+        Picture::Layer& alpha = picture.layers.emplace_back("alpha", std::vector<std::string>{"A"});
+        for (size_t i = 0; i < size_t(width * height); ++i)
+            alpha.pixels.push_back(float(std::clamp(shadow + noise * normal(seed, i), 0.0, 1.0)));
+        return picture;
+    };
+    const Picture clean = with_alpha(1, 0.05, 0.5), noisy = with_alpha(1, 0.9, 0.5);
+    EXPECT_TRUE(compared(clean, with_alpha(2, 0.05, 0.5)).alike());
+    EXPECT_TRUE(compared(clean, with_alpha(2, 0.05, 0.52)).different());
+    EXPECT_TRUE(compared(noisy, noisy).alike());
+    const Comparison hidden = compared(noisy, with_alpha(2, 0.9, 0.5));
+    EXPECT_FALSE(hidden.alike());
+    EXPECT_FALSE(hidden.different()) << why(hidden);
+    EXPECT_TRUE(hidden.doubt.starts_with("layer alpha could differ by 0.1: ")) << hidden.doubt;
+    EXPECT_TRUE(compared(noisy, with_alpha(2, 0.9, 0.9)).different());
+}
+
+TEST(Compare, one_sample_with_variance_cannot_be_told) {
+    Picture a = made(1, 0.3), b = made(2, 0.3);
+    a.samples = b.samples = 1;
+    const Comparison unknown = compared(a, b);
+    EXPECT_FALSE(unknown.has_noise_estimate);
+    EXPECT_FALSE(unknown.different()) << why(unknown);
+    EXPECT_NE(unknown.doubt.find("one sample a pixel has no variance"), std::string::npos) << unknown.doubt;
+    EXPECT_TRUE(compared(a, a).alike());
+    EXPECT_TRUE(compared(without_variance(a), without_variance(b)).different()) << "looks decide";
+    Picture white = a;
+    for (float& v : white.layers[0].pixels) v = v > 0.0F ? 0.0F : 9.0F;
+    EXPECT_TRUE(compared(white, b).different()) << "whatever the noise";
+}
+
 TEST(Compare, variance_cannot_switch_judging_off) {
     const Picture reference = made(1, 0.05);
     Picture negative = reference, huge = reference, one = reference;

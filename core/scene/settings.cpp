@@ -88,30 +88,45 @@ toml::node* make_table(toml::table& in, const std::string& key, const std::strin
     return &in.insert_or_assign(toml::key(key, empty.source()), std::move(empty)).first->second;
 }
 
-// The name of a list's element: its own or, as layers have it, that of its type; nullptr: none.
-const std::string* name_of_element(const toml::node& element) {
+// A text of a list's element, "name" or "type"; nullptr: none.
+const std::string* text_of_element(const toml::node& element, const char* key) {
     const toml::table* table = element.as_table();
-    const toml::node* name = table ? table->get("name") : nullptr;
-    if (table && !name) name = table->get("type");
-    return name && name->is_string() ? &name->as_string()->get() : nullptr;
+    const toml::node* text = table ? table->get(key) : nullptr;
+    return text && text->is_string() ? &text->as_string()->get() : nullptr;
 }
 
-// The element that the steps from `i` on name, as in layer.field.edit. Names may contain dots: the longest match is
-// taken, of equal names the first element. Sets `used` to the number of steps of its name. Reports and returns nullptr if there is none.
+// The element that the steps from `i` on name, as in layer.field.edit: by its name or, without one, by its type. Names
+// win over types. Both may contain dots: the longest match is taken. Sets `used` to the number of steps of its name.
+// Reports and returns nullptr if there is none or several.
 toml::node* named_element(toml::array& list, std::span<const Step> steps, size_t& used,
                           const std::string& source, const std::string& address, Reading& reading) {
-    toml::node* found = nullptr;
-    std::string name;
     std::vector<std::string> names;
-    for (size_t k = 0; k < steps.size() && !steps[k].element; ++k) {
-        name += (k > 0 ? "." : "") + steps[k].key;
-        for (toml::node& element : list) {
-            const std::string* own = name_of_element(element);
-            if (own && k == 0) names.push_back(*own);
-            if (own && *own == name && (!found || used <= k)) found = &element, used = k + 1;
+    for (const char* key : {"name", "type"}) {
+        std::vector<size_t> found;
+        std::string name, longest;
+        for (size_t k = 0; k < steps.size() && !steps[k].element; ++k) {
+            name += (k > 0 ? "." : "") + steps[k].key;
+            for (size_t e = 0; e < list.size(); ++e) {
+                const bool named = text_of_element(list[e], "name") != nullptr;
+                const std::string* own = text_of_element(list[e], key);
+                if (!own || (named && key != std::string_view("name"))) continue;
+                if (k == 0) names.push_back(*own);
+                if (*own != name) continue;
+                if (name != longest) found.clear();
+                longest = name;
+                found.push_back(e);
+                used = k + 1;
+            }
+        }
+        if (found.size() == 1) return list.get(found[0]);
+        if (found.size() > 1) {
+            reading.report({source, 0, 0},
+                           fmt::format("{} elements of {} have the {} {}", found.size(), clean(address), key,
+                                       in_quotes(longest)),
+                           fmt::format("write {0}[{1}] or {0}[{2}]", clean(address), found[0], found[1]));
+            return nullptr;
         }
     }
-    if (found) return found;
     reading.report({source, 0, 0},
                    fmt::format("no element of {} is named {}", clean(address), in_quotes(steps[0].key)),
                    (names.empty() ? std::string() : hint(steps[0].key, names, "") + ", or ") +

@@ -2,6 +2,7 @@
 #include "core/shot/scene_keys.h"
 
 #include <algorithm>
+#include <map>
 #include <set>
 
 namespace marram {
@@ -23,20 +24,54 @@ void add_tables(Keys& keys, const Schema& schema) {
     add_declared(keys, "wind.", schema.wind);
 }
 
+// The first list of a key and its element: "layer[2]." of layer[2].mask. Empty: none, or a list within a list.
+std::string element_of(const std::string& key) {
+    const size_t open = key.find('['), close = key.find("].");
+    const bool nested = close != std::string::npos && key.find('[', close) != std::string::npos;
+    return open == std::string::npos || close == std::string::npos || nested ? std::string()
+                                                                             : key.substr(0, close + 2);
+}
+
+// What --set calls the elements of lists: "layer[2]." is "layer.crest.". Those that it cannot call so have only their
+// number: names with the signs of its syntax, equal ones, and those that another name goes on from.
+std::map<std::string, std::string> named_elements(const ParamSet& params) {
+    struct Name {
+        std::string list, text;
+        bool is_type = false;
+    };
+    std::map<std::string, Name> elements;
+    for (const ParamValue& value : params.all()) {
+        const std::string element = element_of(value.name);
+        if (element.empty() || elements.contains(element)) continue;
+        const ParamValue* name = params.find(element + "name");
+        const bool is_type = !name;
+        if (is_type) name = params.find(element + "type");
+        if (name) elements[element] = {element.substr(0, element.find('[')), name->text, is_type};
+    }
+    std::map<std::string, std::string> called;
+    for (const auto& [element, name] : elements) {
+        const bool clashes = std::ranges::any_of(elements, [&](const auto& entry) {
+            const Name& other = entry.second;
+            return entry.first != element && other.list == name.list &&
+                   ((other.text == name.text && (name.is_type || !other.is_type)) ||
+                    other.text.starts_with(name.text + "."));
+        });
+        if (!clashes && !name.text.empty() && name.text.find_first_of("=[]. \t") == std::string::npos)
+            called[element] = name.list + "." + name.text + ".";
+    }
+    return called;
+}
+
 // Elements of lists that have a name, or a type, are listed by it too: layer.crest.max_height.
 void add_values(Keys& keys, const std::string& prefix, const ParamSet& params) {
+    const std::map<std::string, std::string> called = named_elements(params);
     for (const ParamValue& value : params.all()) {
         keys.insert(prefix + value.name);
-        const size_t open = value.name.find('['), close = value.name.find("].");
-        if (open == std::string::npos || close == std::string::npos ||
-            value.name.find('[', close) != std::string::npos)
+        const std::string element = element_of(value.name);
+        const auto name = called.find(element);
+        if (name == called.end() || value.name == element + "name" || value.name == element + "type")
             continue;
-        const std::string element = value.name.substr(0, close + 2);
-        const ParamValue* name = params.find(element + "name");
-        if (!name) name = params.find(element + "type");
-        if (name && !name->text.empty() && name != &value)
-            keys.insert(prefix + value.name.substr(0, open) + "." + name->text +
-                        value.name.substr(close + 1));
+        keys.insert(prefix + name->second + value.name.substr(element.size()));
     }
 }
 

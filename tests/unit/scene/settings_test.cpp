@@ -118,6 +118,19 @@ TEST_F(Settings, ReachNamedElementsOfLists) {
     expect({"procedural.sea.layer.crest.b=5"},
            "--set procedural.sea.layer.crest.b=5: procedural.sea.layer.crest.b is an element of a list: add "
            "one of its keys");
+    file = folder.write("names.toml", small_scene +
+                                          "\n[[procedural]]\ntype = \"desert\"\nname = \"sea\"\n"
+                                          "[[procedural.layer]]\ntype = \"noise\"\n"
+                                          "[[procedural.layer]]\ntype = \"dune\"\n"
+                                          "[[procedural.layer]]\ntype = \"dune\"\n"
+                                          "[[procedural.layer]]\ntype = \"noise\"\nname = \"noise\"\n");
+    const SceneDescription named = load_scene(file, {"procedural.sea.layer.noise.height=7"}, schema);
+    EXPECT_EQ(named.procedurals.back().params.number("layer[3].height"), 7) << "names win over types";
+    EXPECT_EQ(named.procedurals.back().params.number("layer[0].height"), 1);
+    expect({"procedural.sea.layer.dune.height=5"},
+           "--set procedural.sea.layer.dune.height=5: 2 elements of procedural.sea.layer have the type "
+           "\"dune\": "
+           "write procedural.sea.layer[1] or procedural.sea.layer[2]");
 }
 
 TEST_F(Settings, AddTablesAndTheLastOneCounts) {

@@ -131,13 +131,14 @@ void fill(Picture& picture, Plan plan, const Image& image) {
     picture.layers = std::move(plan.layers);
 }
 
+// The inverse of write_png(): colour under an alpha of 0, such as a sky behind strands, is stored as it is.
 void multiply_by_alpha(Picture& picture) {
     const Picture::Layer* alpha = picture.find("alpha");
     if (!alpha || alpha->channels.size() != 1) return;
     for (Picture::Layer& layer : picture.layers)
         if (layer.name.empty())
             for (size_t i = 0; i < layer.pixels.size(); ++i)
-                layer.pixels[i] *= alpha->pixels[i / layer.channels.size()];
+                if (const float a = alpha->pixels[i / layer.channels.size()]; a > 0.0F) layer.pixels[i] *= a;
 }
 
 } // namespace

@@ -30,7 +30,7 @@ struct Picture {
 // single channel, or with Y and at most one other (normally alpha), is grey: three equal channels. Colour
 // channels may be named r, g, b, and may have a prefix ("Beauty.R") if there are no others. Straight-alpha
 // colour (PNG) is multiplied by alpha, so that it does not depend on the file format; colour under an alpha
-// of 0 is lost.
+// of 0 is taken as it is, as write_png() writes it.
 Picture read_picture(const std::string& path);
 
 // The pixels of a layer with its channels in the given order. Both must have the same channels.

@@ -297,8 +297,8 @@ Shot load_shot(const std::string& file, const Overrides& overrides, const std::a
     }
     if (has_shadow_catcher(shot) && infinite_lights(shot).seen > 0)
         shot.warnings.push_back(
-            fmt::format("{}: a mesh is a shadow catcher, but the camera sees the sky, which would cover the "
-                        "background: add seen_by_camera = false to the lights",
+            fmt::format("{}: a mesh is a shadow catcher, but the camera sees the sky, which adds its light "
+                        "to the background: add seen_by_camera = false to the lights",
                         file));
     return shot;
 }

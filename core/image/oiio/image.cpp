@@ -326,9 +326,9 @@ std::vector<uint8_t> to_bytes(int width, int height, int channels, const float* 
         const float* from = pixels + i * size_t(channels);
         uint8_t* to = bytes.data() + i * size_t(channels);
         const float alpha = channels == 4 ? from[3] : 1.0f;
-        // PNG colour is not multiplied by alpha: divide. If alpha is 0, the colour is added light only: keep
-        // it.
-        const float apart = alpha > 0.0f && alpha < 1.0f ? scale / alpha : scale;
+        // PNG colour is not multiplied by alpha: divide. If alpha is 0 in the file, the colour is added light
+        // only: keep it.
+        const float apart = to_byte(alpha) > 0 && alpha < 1.0f ? scale / alpha : scale;
         for (int c = 0; c < 3; ++c) to[c] = to_byte(srgb_from_linear(from[c] * apart));
         if (channels == 4) to[3] = to_byte(alpha);
     }

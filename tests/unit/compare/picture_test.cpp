@@ -66,6 +66,19 @@ TEST_F(PictureFiles, ColourIsMultipliedByAlphaWhateverTheFormat) {
     EXPECT_EQ(exr.read_as, "linear");
 }
 
+// A sky behind strands adds light with an alpha of 0.
+TEST_F(PictureFiles, ColourUnderNoAlphaIsKept) {
+    const float white[] = {1.0F, 1.0F, 1.0F, 0.0F, 0.001F, 0.001F, 0.001F, 0.0015F},
+                black[] = {0.0F, 0.0F, 0.0F, 0.0F, 0.0F, 0.0F, 0.0F, 0.0F};
+    write_png(path("white.png"), 2, 1, 4, white, 0.0);
+    write_png(path("black.png"), 2, 1, 4, black, 0.0);
+    const Picture a = read_picture(path("white.png")), b = read_picture(path("black.png"));
+    EXPECT_NEAR(a.find("")->pixels[0], 1.0F, 1e-5F);
+    EXPECT_NEAR(a.find("")->pixels[3], 0.001F, 1e-3F) << "its alpha is stored as 0";
+    EXPECT_FALSE(compare_pictures(a, b, "a", "b").equal);
+    EXPECT_TRUE(compare_pictures(a, b, "a", "b").different());
+}
+
 TEST_F(PictureFiles, ColoursMayBeCalledOtherwise) {
     const std::vector<float> expected = picture_of({"R", "G", "B", "A"}).find("")->pixels;
     ASSERT_EQ(expected.size(), 6U);

@@ -94,6 +94,12 @@ std::vector<const MarramMesh*> covering_meshes(const MarramFrame& frame, std::sp
     return covering;
 }
 
+bool has_instances(const MarramFrame& frame, std::span<const MarramMesh> meshes, const MarramMesh& skin) {
+    const auto skin_index = uint32_t(&skin - meshes.data());
+    return std::ranges::any_of(meshes.first(frame.mesh_count),
+                               [&](const MarramMesh& mesh) { return mesh.instance_of == skin_index + 1; });
+}
+
 uint64_t digest_of_meshes(std::span<const MarramMesh* const> meshes) {
     if (meshes.empty()) return 0;
     Digest digest;

@@ -14,7 +14,8 @@
 // encloses the root: the strand stands on it, as grass does on ground in the same plane as its skin.
 //
 // Roots are placed once a shot. So only meshes that do not move can cover roots, and only on a mesh that does not
-// move. Roots are shared with the instances of the mesh: they are tested on the mesh itself.
+// move. Instances of a mesh have its roots: one that is covered on the mesh is free on an instance. So all roots
+// of a mesh with instances stay, and a warning tells of those that are covered on the mesh itself.
 #pragma once
 
 #include "core/math/vec.h"
@@ -32,7 +33,9 @@ namespace marram {
 std::vector<const MarramMesh*> covering_meshes(const MarramFrame& frame, std::span<const MarramMesh> meshes,
                                                const MarramMesh& skin);
 
-// Digest of their positions and triangles; 0 if there are none.
+bool has_instances(const MarramFrame& frame, std::span<const MarramMesh> meshes, const MarramMesh& skin);
+
+// Digest of the positions and triangles of meshes; 0 if there are none.
 uint64_t digest_of_meshes(std::span<const MarramMesh* const> meshes);
 
 struct Cover {

@@ -327,14 +327,15 @@ MarramStatus leave_out_covered_roots(GroomInstance& instance, const std::functio
     });
     if (cancelled()) return MARRAM_CANCELLED;
     std::vector<Cover> covers(covering.size());
+    const bool shared = has_instances(instance.frame, instance.meshes, *instance.mesh); // of the roots
     size_t kept = 0;
     for (size_t i = 0; i < count; ++i) {
-        if (covered[i] < 0) {
+        if (covered[i] < 0 || shared) {
             instance.roots[kept] = instance.roots[i];
             if (!instance.blends.empty()) instance.blends[kept] = instance.blends[i];
             ++kept;
-            continue;
         }
+        if (covered[i] < 0) continue;
         Cover& by = covers[size_t(covered[i])];
         if (by.roots++ == 0) by.mesh = cover.mesh(covered[i]).name, by.place = starts[i].cast<double>();
     }

@@ -61,7 +61,7 @@ constexpr std::array groom_values = {
         "clear_of", MARRAM_CHOICE, "", "meshes", -largest_coordinate, largest_coordinate, "meshes|none",
         "meshes: with collision, strands whose roots are inside or under another mesh that collides are "
         "left out, if neither mesh moves and the inside is that of its faces: a room with flip = true covers "
-        "none; none: they stay"},
+        "none; all stay if the mesh that they grow on has instances; none: they stay"},
     MarramParam{"spacing", MARRAM_NUMBER, "", "1", 0, 1, "",
                 "0: random roots; 1: as even as a Poisson disc set"},
     MarramParam{"length", MARRAM_RANGE, "m", "none", 0, largest_coordinate, "",

@@ -105,11 +105,21 @@ void warn_of_no_strands(const GroomInstance& instance) {
 
 void warn_of_covered_roots(const GroomInstance& instance, std::span<const Cover> covers, uint64_t of) {
     std::string meshes;
-    for (const Cover& cover : covers)
+    uint64_t covered = 0;
+    for (const Cover& cover : covers) {
+        covered += cover.roots;
         if (cover.roots > 0)
             meshes += fmt::format("{}{} at '{}', one at ({:.4g}, {:.4g}, {:.4g})", meshes.empty() ? "" : "; ",
                                   cover.roots, cover.mesh, cover.place.x(), cover.place.y(), cover.place.z());
+    }
     if (meshes.empty()) return;
+    if (instance.covered_roots == 0)
+        return send(instance.host, MARRAM_WARNING, "groom.covered", instance.groom.mesh_place,
+                    fmt::format("{} of {} strands stay, though another mesh covers their roots, because the "
+                                "instances of '{}' have the same strands: {}",
+                                covered, of, instance.groom.mesh, meshes),
+                    "give the groom a density_mask, write copies of the mesh instead of instances, or give "
+                    "the groom clear_of = \"none\"");
     send(instance.host, MARRAM_WARNING, "groom.covered", instance.groom.mesh_place,
          fmt::format("{} of {} strands are left out, because another mesh covers their roots: {}",
                      instance.covered_roots, of, meshes),

@@ -116,6 +116,26 @@ TEST(CoveredRoots, stay_where_faces_look_at_them) {
     EXPECT_EQ(among("box", "size = [9, 1, 9]\n" + at("-0.5"), as_made), all);
 }
 
+// Instances have the roots of their mesh: one that is covered here is free there.
+TEST(CoveredRoots, stay_if_the_mesh_has_instances) {
+    const std::string copies = "instances = [{ transform = { translate = [6, 0, 0] } }]\n",
+                      collide = "collision = { solver = \"exact\" }\n";
+    const uint64_t all = strands_of(lawn_with_house(on_ground, "clear_of = \"none\"\n"));
+    TestScene scene(lawn_with_house(on_ground, "", collide, copies));
+    EXPECT_EQ(strands_of(scene, false), 2 * all);
+    EXPECT_EQ(scene.stats.report("roots.covered"), 0.0);
+    EXPECT_TRUE(warns(scene,
+                      " strands stay, though another mesh covers their roots, because the instances of "
+                      "'ground' have the same strands: "));
+    EXPECT_FALSE(warns(scene, "are left out"));
+    for (const char* more : {"clear_of = \"none\"\n", ""}) {
+        TestScene quiet(
+            lawn_with_house(*more ? on_ground : on_ground + "collides = false\n", more, collide, copies));
+        EXPECT_EQ(strands_of(quiet, false), 2 * all);
+        EXPECT_FALSE(warns(quiet, "strands stay")) << more;
+    }
+}
+
 // Roots that lie on another mesh are not free.
 TEST(Collision, names_meshes_and_places_without_room) {
     TestScene scene(lawn_with_house("transform = { translate = [0, 0.51, 0] }\n", "clear_of = \"none\"\n",

@@ -288,10 +288,14 @@ void add_compare(CLI::App& app, Commands& c) {
 void add_info(CLI::App& app, Commands& c) {
     CLI::App* command =
         app.add_subcommand("info", "list procedurals, shaders and parameters, or describe a scene or a file");
-    command->add_option(
-        "subject", c.info.subject,
-        "a procedural, shader or table, a scene file, or a file of a mesh, strands or a picture; "
-        "default: everything");
+    command
+        ->add_option(
+            "subject", c.info.subject,
+            "a procedural, shader or table, a scene file, or a file of a mesh, strands or a picture; "
+            "default: everything")
+        ->check([](const std::string& subject) {
+            return subject.empty() ? std::string("it is empty: leave it out to list everything") : "";
+        });
     add_settings(*command, c.info.settings);
     command->add_flag("--keys", c.info.keys,
                       "only the keys that --set changes, of a scene or of every scene, one a line");

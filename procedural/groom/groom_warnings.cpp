@@ -128,15 +128,19 @@ void warn_of_covered_roots(const GroomInstance& instance, std::span<const Cover>
 
 void warn_beyond_guides(const GroomInstance& instance, uint64_t left_out, uint64_t of) {
     if (left_out == 0) return;
-    const double reach = instance.guides->reach();
+    const double reach = instance.guides->reach(), by_spacing = instance.guides->default_reach();
+    // A reach much below the spacing is no length to start from.
+    const double farther = std::max(2.0 * reach, by_spacing);
+    const bool useful = std::isfinite(farther);
     send(instance.host, MARRAM_WARNING, "groom.beyond_guides", instance.groom.guides->place,
          fmt::format(
-             "{:.2g} % of the strands ({} of {}) are left out: their roots are beyond the reach of the "
+             "{:.3g} % of the strands ({} of {}) are left out: their roots are beyond the reach of the "
              "guides, {:.3g} m{}",
              100.0 * double(left_out) / double(of), left_out, of, reach,
              instance.groom.guides->reach ? "" : " by their spacing"),
-         fmt::format("give guides.reach = {:.2g} to grow them farther out, add guides, or use a density mask",
-                     2.0 * reach));
+         fmt::format("{} to grow them farther out, add guides, or use a density mask",
+                     useful ? fmt::format("give guides.reach = {:.2g}", farther)
+                            : std::string("leave out guides.reach")));
 }
 
 void warn_of_guides(const GroomInstance& instance, const Binding& binding) {

@@ -77,6 +77,7 @@ class GuideSet {
     GuideBlend blend_at(const Vec3d& root, const Vec3d& normal) const;
     double length_of(const GuideBlend& blend) const; // blended length of the guides, m
     double reach() const { return reach_; }          // m; infinite for a single guide
+    double default_reach() const;                    // m, by the spacing; infinite likewise
     double density_at(const Vec3d& root) const;      // factor of the density, 0 to 1: see the top
 
     // Guides with `cvs` equally spaced CVs: offsets from their roots in the bind pose, [guide * cvs + k].
@@ -99,7 +100,6 @@ class GuideSet {
 
   private:
     struct Tree;
-    double default_reach() const;
     bool crosses_parting_line(const Vec3d& root, const Vec3d& normal, const Vec3d& guide) const;
 
     GuideSettings settings_;

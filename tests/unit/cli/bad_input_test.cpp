@@ -11,6 +11,7 @@
 
 #include <algorithm>
 #include <regex>
+#include <sstream>
 
 namespace marram::testing {
 namespace {
@@ -413,6 +414,32 @@ TEST(BadInput, SettingsThatFitNothing) {
     with_setting("procedural.grass.library=no_such.so", "no_such.so");
 }
 
+// Names with the signs of the syntax, types that several share: their elements are listed by number only.
+TEST(BadInput, ListedKeysAreNotRefused) {
+    const Folder folder;
+    std::string terrain = "[[procedural]]\nname = \"d\"\ntype = \"terrain\"\nsize = [10, 10]\n";
+    for (const char* layer :
+         {"noise\"\nname = \"a=b", "noise\"\nname = \"x[0]", "noise", "noise\"\nname = \"noise",
+          "noise\"\nname = \"a.amplitude", "noise\"\nname = \"a", "flat\"\nname = \"sp ace", "flat", "flat",
+          "flat\"\nname = \"", "noise\"\nname = \"crest"})
+        terrain += fmt::format("[[procedural.layer]]\ntype = \"{}\"\n", layer);
+    const std::string scene = folder.write("a.toml", SceneText{.more = terrain});
+    const ProgramResult listed = marram({"info", "--keys", scene});
+    ASSERT_EQ(listed.code, 0) << listed.err;
+    EXPECT_CONTAINS(listed.out, "procedural.d.layer[0].amplitude\n");
+    EXPECT_CONTAINS(listed.out, "procedural.d.layer.crest.amplitude\n");
+    EXPECT_CONTAINS(listed.out, "procedural.d.layer.noise.amplitude\n");
+    std::vector<std::string> command = {"info", "--keys", scene};
+    std::istringstream lines(listed.out);
+    for (std::string key; std::getline(lines, key);)
+        if (key.starts_with("procedural.d.layer")) command.insert(command.end(), {"--set", key + "=0"});
+    ASSERT_GT(command.size(), 40u);
+    const ProgramResult set = marram(command); // refuses the values of some
+    for (const char* refusal :
+         {"is no key", "no element", "elements of", "add one of its keys", "is unknown"})
+        EXPECT_EQ(set.err.find(refusal), std::string::npos) << refusal << ": " << set.err;
+}
+
 TEST(BadInput, LightsThatCannotShine) {
     const auto lamp = [](const char* name) {
         return fmt::format("[[light]]\nname = \"{}\"\ntype = \"mesh\"\nmesh = \"ground\"\n", name);
@@ -490,6 +517,7 @@ TEST(BadInput, CommandLines) {
     refuse({"bake", scene, "-o", folder / "a.hair", "--frame", "nan"}, "frame");
     refuse({"compare", "a.exr", "b.exr"}, "a.exr: there is no such file");
     refuse({"measure", scene, "--out", scene}, "the folder for the report cannot be made");
+    refuse({"info", ""}, "it is empty: leave it out to list everything");
     refuse({"no_such_command"}, "there is no command \"no_such_command\": known are ");
     refuse({"rendre"}, "there is no command \"rendre\": did you mean \"render\"?");
     refuse({"help", "rendre"}, "there is no command \"rendre\"");

@@ -6,6 +6,7 @@
 #include "core/math/hash.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -680,6 +681,19 @@ TEST(Guides, FarFromTheirMeshAreTold) {
         scene.build();
         ASSERT_EQ(scene.stats.warnings.size(), 1u);
         EXPECT_NE(scene.stats.warnings[0].find(said), std::string::npos) << scene.stats.warnings[0];
+    }
+}
+
+// Advice that repeats what is set, or a reach far below the spacing, helps nobody.
+TEST(Guides, AReachOfAlmostNothingIsAdvisedBySpacing) {
+    for (const char* reach : {"0", "1e-9"}) {
+        TestScene scene(mesh("ground", "plane", "size = [4, 4]\n") + drawn + children +
+                        "guides.reach = " + reach + "\n");
+        fill_with_guides(scene.geometry.curves[0]);
+        scene.build();
+        const std::string said = fmt::format("{}", fmt::join(scene.stats.warnings, "\n"));
+        EXPECT_NE(said.find(" 100 % of the strands (2000 of 2000) are left out"), std::string::npos) << said;
+        EXPECT_NE(said.find("give guides.reach = 0."), std::string::npos) << said;
     }
 }
 

@@ -418,7 +418,8 @@ TEST(Compare, one_sample_with_variance_cannot_be_told) {
     EXPECT_FALSE(unknown.different()) << why(unknown);
     EXPECT_NE(unknown.doubt.find("one sample a pixel has no variance"), std::string::npos) << unknown.doubt;
     EXPECT_TRUE(compared(a, a).alike());
-    EXPECT_TRUE(compared(without_variance(a), without_variance(b)).different()) << "looks decide";
+    EXPECT_TRUE(compared(without_variance(a), without_variance(b)).different())
+        << "without a layer the limits of perception hold";
     Picture white = a;
     for (float& v : white.layers[0].pixels) v = v > 0.0F ? 0.0F : 9.0F;
     EXPECT_TRUE(compared(white, b).different()) << "whatever the noise";

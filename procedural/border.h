@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Shared code of the procedurals' entry points: no exception crosses the C ABI, and values are checked before
-// they are read.
+// The border to C, as seen by a procedural: what the host lends, checked, and exceptions turned into messages.
+// entry_points.h makes a procedural's entry points on top of it.
 #pragma once
 
 #include "core/math/digest.h"
@@ -19,6 +19,31 @@
 
 namespace marram {
 
+// Thrown where the host has asked to stop.
+struct Cancelled {};
+
+// Thrown where the host has been told what is wrong.
+struct Reported {};
+
+// What each instance of a procedural has.
+struct Instance {
+    MarramHost host{};
+    bool begun = false; // a frame has begun without errors
+
+    bool cancelled() const { return host.cancelled(host.user) != 0; }
+    void stop_if_cancelled() const {
+        if (cancelled()) throw Cancelled();
+    }
+};
+
+// Statistics to the host, by the paths that its procedural declares.
+struct ReportSink {
+    void (*sink)(void* user, const char* path, double value) = nullptr;
+    void* user = nullptr;
+    void operator()(const char* path, double value) const { sink(user, path, value); }
+    void operator()(const std::string& path, double value) const { sink(user, path.c_str(), value); }
+};
+
 // Runs the body of a call, its loops on the host's executor, and turns exceptions into messages to the
 // host. subject: e.g. "groom", for message ids and texts. less: the remedy if memory runs out.
 template <typename Body>
@@ -26,7 +51,12 @@ MarramStatus guarded(const MarramHost& host, const char* subject, const char* le
     const std::string name = subject;
     const ExecutorScope executor(&host);
     try {
-        return body();
+        body();
+        return MARRAM_OK;
+    } catch (const Cancelled&) {
+        return MARRAM_CANCELLED;
+    } catch (const Reported&) {
+        return MARRAM_ERROR;
     } catch (const SceneFault& fault) {
         send(host, MARRAM_FAULT, fault.id.c_str(), fault.place, fault.what(), fault.remedy);
     } catch (const std::bad_alloc&) {
@@ -79,74 +109,55 @@ inline uint64_t digest_of_values(std::span<const MarramValue> values) {
     return digest.value();
 }
 
-// Reports all faults of the values to the host. Returns false if there are any.
-inline bool check_values(const MarramHost& host, std::span<const MarramParam> params,
-                         std::span<const MarramValue> values, std::span<const MarramItemType> items = {}) {
-    const std::vector<ContractFault> faults = value_faults(params, values, items);
-    for (const ContractFault& fault : faults)
-        send(host, MARRAM_FAULT, "contract.value", fault.place, fault.what, fault.remedy);
-    return faults.empty();
-}
-
-inline std::vector<MarramValue> values_of(const MarramValues* given) {
+// The values that the host passes. All their faults are reported to the host; if there are any, throws Reported.
+inline std::vector<MarramValue> checked_values(const MarramHost& host, const MarramValues* given,
+                                               std::span<const MarramParam> params,
+                                               std::span<const MarramItemType> items) {
     if (!given || (given->count > 0 && !given->first))
         throw SceneFault("contract.null_values", "", "the list of values is NULL",
                          "pass an array of `count` values");
     check_size(given);
-    return known_parts(given->first, given->count, given->stride);
+    std::vector<MarramValue> values = known_parts(given->first, given->count, given->stride);
+    const std::vector<ContractFault> faults = value_faults(params, values, items);
+    for (const ContractFault& fault : faults)
+        send(host, MARRAM_FAULT, "contract.value", fault.place, fault.what, fault.remedy);
+    if (!faults.empty()) throw Reported();
+    return values;
 }
 
-// The body of create(): checks the values, and take(instance, values) stores them in a new instance.
-template <typename Instance, typename Take>
-MarramStatus create_instance(const MarramHost& host, const MarramValues* values, MarramInstance** out,
-                             std::span<const MarramParam> params, Take&& take,
-                             std::span<const MarramItemType> items = {}) {
-    const std::vector<MarramValue> list = values_of(values);
-    if (!check_values(host, params, list, items)) return MARRAM_ERROR;
-    auto instance = std::make_unique<Instance>();
-    instance->host = host;
-    take(*instance, std::span<const MarramValue>(list));
-    *out = reinterpret_cast<MarramInstance*>(instance.release());
-    return MARRAM_OK;
-}
+// Throws SceneFault if a buffer of a patch is NULL or an attribute does not exist.
+void check_patch_buffers(const MarramPatchBuffers* buffers, uint32_t time_count, bool oriented,
+                         size_t attribute_count);
+// The same for a mesh.
+void check_mesh_buffers(const MarramMeshBuffers* buffers, size_t attribute_count);
 
-// The body of update(): checks the values; take(values, inputs) stores them and returns the MarramChange of the
-// output. inputs: MarramUpdate.inputs.
-template <typename Take>
-MarramStatus update_instance(const MarramHost& host, const MarramUpdate* given, uint32_t* changed,
-                             std::span<const MarramParam> params, Take&& take,
-                             std::span<const MarramItemType> items = {}) {
-    if (!given || !changed)
-        throw SceneFault("contract.null_update", "", "the update is NULL",
-                         "pass an update and a place for the changes");
-    const MarramUpdate update = known_part(given);
-    const std::vector<MarramValue> list = values_of(update.values);
-    if (!check_values(host, params, list, items)) return MARRAM_ERROR;
-    *changed = take(std::span<const MarramValue>(list), update.inputs);
-    return MARRAM_OK;
-}
+// A frame that the host lends, its fields that this version knows.
+struct LentFrame {
+    MarramFrame frame{}; // points into `meshes`
+    std::vector<MarramMesh> meshes;
+};
 
-// Copies the fields of the host's frame that this version knows, and its meshes into `meshes`. Throws
-// SceneFault if the frame is invalid.
-inline MarramFrame borrowed_frame(const MarramFrame* given, std::vector<MarramMesh>& meshes) {
+// Throws SceneFault if the frame is invalid.
+inline LentFrame lent_frame(const MarramFrame* given) {
     if (!given) throw SceneFault("contract.frame", "", "the frame is NULL", "pass a MarramFrame");
-    MarramFrame frame = known_part(given);
-    meshes = known_parts(frame.meshes, frame.mesh_count, frame.mesh_stride);
-    frame.meshes = meshes.data();
+    LentFrame lent{known_part(given), {}};
+    MarramFrame& frame = lent.frame;
+    lent.meshes = known_parts(frame.meshes, frame.mesh_count, frame.mesh_stride);
+    frame.meshes = lent.meshes.data();
     frame.mesh_stride = sizeof(MarramMesh);
     const std::vector<MarramCurves> curves =
         known_parts(frame.curves, frame.curves_count, frame.curves_stride);
-    if (const ContractFault fault = frame_fault(frame, meshes, curves); !fault.what.empty())
+    if (const ContractFault fault = frame_fault(frame, lent.meshes, curves); !fault.what.empty())
         throw SceneFault("contract.frame", fault.place, fault.what, fault.remedy);
-    return frame;
+    return lent;
 }
 
-// Poses a mesh of a borrowed frame at any time with MarramFrame.pose. Returns MARRAM_OK or MARRAM_CANCELLED.
-// Throws SceneFault if the host fails or returns numbers that are not finite.
-inline MarramStatus pose_lent_mesh(const MarramFrame& frame, uint32_t mesh, double time, float* positions,
-                                   float* normals) {
+// Poses a mesh of a lent frame at any time with MarramFrame.pose. Throws SceneFault if the host fails or returns
+// numbers that are not finite, Cancelled if it is cancelled.
+inline void pose_lent_mesh(const MarramFrame& frame, uint32_t mesh, double time, float* positions,
+                           float* normals) {
     const MarramStatus status = frame.pose(frame.pose_user, mesh, time, positions, normals);
-    if (status == MARRAM_CANCELLED) return status;
+    if (status == MARRAM_CANCELLED) throw Cancelled();
     const size_t count = 3 * size_t(frame.meshes[mesh].vertex_count);
     const std::string which =
         "the mesh '" + std::string(frame.meshes[mesh].name) + "' at frame " + std::to_string(time);
@@ -156,15 +167,14 @@ inline MarramStatus pose_lent_mesh(const MarramFrame& frame, uint32_t mesh, doub
     if (!usable_coordinates(positions, count) || (normals && !usable_coordinates(normals, count)))
         throw SceneFault("contract.pose", "", "the host poses " + which + " with numbers that are not finite",
                          "give finite positions and normals");
-    return MARRAM_OK;
 }
 
-// Gets the transform from a mesh to one of its instances. Status and errors as pose_lent_mesh().
-inline MarramStatus place_lent_instance(const MarramFrame& frame, uint32_t mesh, double time,
-                                        Eigen::Affine3d& placed) {
+// The transform from a mesh to one of its instances. Throws as pose_lent_mesh().
+inline Eigen::Affine3d place_lent_instance(const MarramFrame& frame, uint32_t mesh, double time) {
     Eigen::Matrix<double, 3, 4, Eigen::RowMajor> matrix;
     const MarramStatus status = frame.instance_transform(frame.pose_user, mesh, time, matrix.data());
-    if (status == MARRAM_CANCELLED) return status;
+    if (status == MARRAM_CANCELLED) throw Cancelled();
+    Eigen::Affine3d placed;
     placed.affine() = matrix;
     // The scale must be uniform. 1e-6 allows for matrices that were stored as floats.
     const Eigen::Matrix3d squares = placed.linear().transpose() * placed.linear();
@@ -177,16 +187,16 @@ inline MarramStatus place_lent_instance(const MarramFrame& frame, uint32_t mesh,
                          "the host does not place the instance '" + std::string(frame.meshes[mesh].name) +
                              "' at frame " + std::to_string(time) + ", or does not scale it evenly",
                          "give a finite matrix: turned, and scaled by one number other than 0");
-    return MARRAM_OK;
+    return placed;
 }
 
-// Poses some curves of a borrowed frame at any time with MarramFrame.pose_curves, which must not be NULL.
-// Status and errors as pose_lent_mesh().
-inline MarramStatus pose_lent_curves(const MarramFrame& frame, uint32_t curves, double time,
-                                     uint64_t first_curve, uint64_t curve_count, std::span<float> vertices) {
+// Poses some curves of a lent frame at any time with MarramFrame.pose_curves, which must not be NULL. Throws as
+// pose_lent_mesh().
+inline void pose_lent_curves(const MarramFrame& frame, uint32_t curves, double time, uint64_t first_curve,
+                             uint64_t curve_count, std::span<float> vertices) {
     const MarramStatus status =
         frame.pose_curves(frame.pose_user, curves, time, first_curve, curve_count, vertices.data());
-    if (status == MARRAM_CANCELLED) return status;
+    if (status == MARRAM_CANCELLED) throw Cancelled();
     if (status != MARRAM_OK)
         throw SceneFault("contract.pose", "",
                          "the host does not pose curves at frame " + std::to_string(time),
@@ -196,7 +206,6 @@ inline MarramStatus pose_lent_curves(const MarramFrame& frame, uint32_t curves, 
                          "the host poses curves at frame " + std::to_string(time) +
                              " with numbers that are not finite",
                          "give finite vertices");
-    return MARRAM_OK;
 }
 
 } // namespace marram

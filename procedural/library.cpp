@@ -1,32 +1,44 @@
 // SPDX-License-Identifier: Apache-2.0
 // The library's entry point. Its table maps the type names of scene files to procedurals.
 //
-// To add a procedural: create a folder, write a function that fills a MarramProcedural, and add it to the
-// table below.
-#include "procedural/erosion/rock.h"
-#include "procedural/groom/groom.h"
-#include "procedural/groom/imported.h"
-#include "procedural/terrain/terrain.h"
+// To add a procedural: write a class with the members that entry_points.h asks for, in a folder of its own, and add
+// it to the list below.
+#include "procedural/entry_points.h"
+#include "procedural/erosion/rock_instance.h"
+#include "procedural/groom/groom_instance.h"
+#include "procedural/groom/imported_instance.h"
+#include "procedural/terrain/terrain_instance.h"
 #include "procedural/wind/wind.h"
 
 #include <array>
 #include <vector>
 
+namespace marram {
+namespace {
+
+template <typename... Procedurals>
+struct ProceduralList {
+    static constexpr size_t count = sizeof...(Procedurals);
+    static std::array<MarramProcedural, count> tables() { return {EntryPoints<Procedurals>::table()...}; }
+    static std::vector<MarramReportEntry> report_entries() {
+        std::vector<MarramReportEntry> list;
+        const auto add = [&](std::span<const MarramReportEntry> entries) {
+            list.insert(list.end(), entries.begin(), entries.end());
+        };
+        (add(Procedurals::report_entries()), ...);
+        return list;
+    }
+};
+
+using All = ProceduralList<GroomInstance, ImportInstance, TerrainInstance, RockInstance>;
+
+} // namespace
+} // namespace marram
+
 extern "C" __attribute__((visibility("default"))) const MarramLibrary* marram_library(uint32_t abi) {
     using namespace marram;
-    static const std::array procedurals = {
-        groom_procedural(),
-        strands_procedural(),
-        terrain_procedural(),
-        rock_procedural(),
-    };
-    static const std::vector<MarramReportEntry> reports = [] {
-        std::vector<MarramReportEntry> list;
-        for (const auto entries : {groom_report_entries(), strands_report_entries(), terrain_report_entries(),
-                                   rock_report_entries()})
-            list.insert(list.end(), entries.begin(), entries.end());
-        return list;
-    }();
+    static const std::array procedurals = All::tables();
+    static const std::vector<MarramReportEntry> reports = All::report_entries();
     static const MarramLibrary library{MARRAM_ABI_VERSION,
                                        MARRAM_EMBREE_MAJOR,
                                        sizeof(MarramLibrary),

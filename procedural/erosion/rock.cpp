@@ -60,8 +60,6 @@
 //
 // Cost: about a million rays per second and core; a grain takes 2 to 10, more in cavities. The noise at a vertex falls
 // with the square root of the number of grains that hit its triangles.
-#include "procedural/erosion/rock.h"
-
 #include "procedural/border.h"
 #include "procedural/erosion/rock_instance.h"
 #include "procedural/erosion/rock_values.h"
@@ -77,209 +75,109 @@
 #include <vector>
 
 namespace marram {
-namespace {
-
-RockInstance& rock(MarramInstance* instance) { return *reinterpret_cast<RockInstance*>(instance); }
-
-template <typename Body>
-MarramStatus guarded_rock(const MarramHost& host, Body&& body) {
-    return guarded(host, "rock", "make voxel larger, use a mesh of fewer triangles, or a smaller map", std::forward<Body>(body));
-}
 
 // Checks combinations of valid values and stores them in the instance.
-void take_rock_values(RockInstance& instance, std::span<const MarramValue> list) {
+void RockInstance::take(std::span<const MarramValue> list) {
     StoredValues stored(list);
-    const Values values(stored.all());
-    for (size_t n = 0; n < rock_winds(values).size(); ++n) {
+    const Values given(stored.all());
+    for (size_t n = 0; n < rock_winds(given).size(); ++n) {
         const std::string own = fmt::format("winds[{}].direction", n);
-        const MarramValue& value = values.at(values.has(own) ? own : "wind.direction");
+        const MarramValue& value = given.at(given.has(own) ? own : "wind.direction");
         if (value.numbers[0] == 0.0 && value.numbers[2] == 0.0)
             throw SceneFault("rock.no_wind", value.place,
                              "the wind's direction has no level part, so that no sand is blown",
                              "give a vector such as [1, 0, 0]");
     }
     double share = 0.0;
-    for (const RockWind& wind : rock_winds(values)) share += wind.share;
+    for (const RockWind& wind : rock_winds(given)) share += wind.share;
     if (share == 0.0)
-        throw SceneFault("rock.no_share", values.at("winds[0].share").place,
-                         "no wind has a share of the time", "give one of them a share above 0");
-    if (values.has("level") && values.integer("level") > values.integer("levels"))
-        throw SceneFault("rock.level", values.at("level").place,
-                         fmt::format("there are {} levels", values.integer("levels")),
+        throw SceneFault("rock.no_share", given.at("winds[0].share").place, "no wind has a share of the time",
+                         "give one of them a share above 0");
+    if (given.has("level") && given.integer("level") > given.integer("levels"))
+        throw SceneFault("rock.level", given.at("level").place,
+                         fmt::format("there are {} levels", given.integer("levels")),
                          "raise levels, or lower level");
-    if (values.integer("map") > 0 && values.integer("levels") > 0)
-        throw SceneFault("rock.no_uvs", values.at("map").place, "an eroded rock has no uvs to make a map by",
+    if (given.integer("map") > 0 && given.integer("levels") > 0)
+        throw SceneFault("rock.no_uvs", given.at("map").place, "an eroded rock has no uvs to make a map by",
                          "remove map, or set levels = 0");
-    if (values.number("transport") == 0.0)
-        throw SceneFault("rock.no_sand", values.at("transport").place, "no sand is blown",
+    if (given.number("transport") == 0.0)
+        throw SceneFault("rock.no_sand", given.at("transport").place, "no sand is blown",
                          "give transport above 0");
-    const std::string_view mesh = values.text("mesh");
+    const std::string_view worn = given.text("mesh");
     for (const MarramValue& value : stored.all())
-        if (value.text == mesh && (is_list_mesh(value.name, "sand[") || is_list_mesh(value.name, "shelter[")))
-            throw SceneFault("rock.mesh_twice", value.place, fmt::format("'{}' is the mesh that wears", mesh),
+        if (value.text == worn && (is_list_mesh(value.name, "sand[") || is_list_mesh(value.name, "shelter[")))
+            throw SceneFault("rock.mesh_twice", value.place, fmt::format("'{}' is the mesh that wears", worn),
                              "leave it out here, or name another mesh");
-    Digest digest;
-    for (const MarramValue& value : list) add_value(digest, value);
-    instance.values = std::move(stored);
-    instance.values_digest = digest.value();
-    instance.begun = false;
+    values_digest = digest_of_values(list);
+    values = std::move(stored);
+    begun = false;
 }
 
-MarramStatus create_rock(const MarramHost* host, const MarramValues* values, MarramInstance** out) {
-    if (!can_create(host, out)) return MARRAM_ERROR;
-    const MarramHost known = known_part(host);
-    return guarded_rock(known, [&] {
-        return create_instance<RockInstance>(known, values, out, rock_params(), take_rock_values);
-    });
+uint32_t RockInstance::update(std::span<const MarramValue> list, uint32_t inputs) {
+    const uint64_t before = values_digest;
+    const std::string worn(Values(values.all()).text("mesh"));
+    take(list);
+    const Values now(values.all());
+    const bool differs = values_digest != before;
+    if (inputs != MARRAM_NOTHING || now.text("mesh") != worn ||
+        (differs && (now.integer("levels") > 0 || eroded)))
+        return MARRAM_EVERYTHING;
+    return differs ? MARRAM_ATTRIBUTES : MARRAM_NOTHING;
 }
 
-MarramStatus update_rock(MarramInstance* opaque, const MarramUpdate* given, uint32_t* changed) {
-    if (!opaque) return MARRAM_ERROR; // no host to report to
-    RockInstance& instance = rock(opaque);
-    return guarded_rock(instance.host, [&] {
-        const auto take = [&](std::span<const MarramValue> list, uint32_t inputs) -> uint32_t {
-            const uint64_t before = instance.values_digest;
-            const std::string mesh(Values(instance.values.all()).text("mesh"));
-            take_rock_values(instance, list);
-            const Values now(instance.values.all());
-            const bool differs = instance.values_digest != before;
-            if (inputs != MARRAM_NOTHING || now.text("mesh") != mesh ||
-                (differs && (now.integer("levels") > 0 || instance.eroded)))
-                return MARRAM_EVERYTHING;
-            return differs ? MARRAM_ATTRIBUTES : MARRAM_NOTHING;
-        };
-        return update_instance(instance.host, given, changed, rock_params(), take);
-    });
+bool RockInstance::prepares() const {
+    return Values(values.all()).integer("levels") > 0;
+} // else begin() is fast enough
+
+void RockInstance::prepare(const LentFrame& lent, const MarramStates* states) {
+    begun = false; // the buffers of the last frame may be too small
+    evaluate_rock(*this, Values(values.all()), lent.frame, lent.meshes, states);
 }
 
-MarramStatus prepare_rock(MarramInstance* opaque, const MarramFrame* given, const MarramStates* states) {
-    if (!opaque) return MARRAM_ERROR; // no host to report to
-    RockInstance& instance = rock(opaque);
-    return guarded_rock(instance.host, [&] {
-        std::vector<MarramMesh> meshes;
-        const MarramFrame frame = borrowed_frame(given, meshes);
-        const Values values(instance.values.all());
-        if (values.integer("levels") == 0) return MARRAM_OK; // fast enough for begin
-        instance.begun = false; // the buffers of the last frame may be too small
-        if (!states) return evaluate_rock(instance, values, frame, meshes, nullptr);
-        if (!states->load || !states->store)
-            throw SceneFault("contract.null_states", "", "the states are NULL",
-                             "pass functions that load and store");
-        const MarramStates known = known_part(states);
-        return evaluate_rock(instance, values, frame, meshes, &known);
-    });
+MarramOutput RockInstance::begin(const LentFrame& lent) {
+    evaluate_rock(*this, Values(values.all()), lent.frame, lent.meshes, nullptr);
+    MarramOutput output{};
+    output.kind = MARRAM_MESH;
+    output.time_count = 1;
+    output.vertex_count = uint32_t(positions.size() / 3);
+    output.triangle_count = uint32_t(triangles.size() / 3);
+    output.has_uvs = uvs.empty() ? 0 : 1;
+    output.has_normals = normals.empty() ? 0 : 1;
+    output.digest = digest;
+    return output;
 }
 
-MarramStatus begin_rock(MarramInstance* opaque, const MarramFrame* given, MarramOutput* out) {
-    if (!opaque) return MARRAM_ERROR; // no host to report to
-    RockInstance& instance = rock(opaque);
-    return guarded_rock(instance.host, [&] {
-        if (!out)
-            throw SceneFault("contract.null_output", "", "the output is NULL", "pass a non-NULL pointer");
-        instance.begun = false;
-        std::vector<MarramMesh> meshes;
-        const MarramFrame frame = borrowed_frame(given, meshes);
-        const Values values(instance.values.all());
-        if (const MarramStatus status = evaluate_rock(instance, values, frame, meshes, nullptr);
-            status != MARRAM_OK)
-            return status;
-        MarramOutput output{};
-        output.kind = MARRAM_MESH;
-        output.time_count = 1;
-        output.vertex_count = uint32_t(instance.positions.size() / 3);
-        output.triangle_count = uint32_t(instance.triangles.size() / 3);
-        output.has_uvs = instance.uvs.empty() ? 0 : 1;
-        output.has_normals = instance.normals.empty() ? 0 : 1;
-        output.digest = instance.digest;
-        fill_known_part(output, out);
-        instance.begun = true;
-        return MARRAM_OK;
-    });
-}
-
-void check_rock_buffers(const RockInstance& instance, const MarramMeshBuffers* buffers) {
-    if (!instance.begun) throw SceneFault("contract.no_frame", "", "no frame has begun", "call begin first");
-    if (buffers) check_size(buffers);
-    bool there = buffers && buffers->positions && buffers->positions[0] && buffers->triangles &&
-                 (buffers->attribute_count == 0 || (buffers->attributes && buffers->attribute_values));
-    for (uint32_t a = 0; there && a < buffers->attribute_count; ++a) {
-        if (buffers->attributes[a] >= rock_attributes.size())
-            throw SceneFault("contract.attribute_range", "",
-                             fmt::format("there is no attribute {}", buffers->attributes[a]),
-                             "ask for 0, 1 or 2");
-        there = buffers->attribute_values[a] != nullptr;
+void RockInstance::mesh(MarramMeshBuffers& buffers) {
+    std::ranges::copy(positions, buffers.positions[0]);
+    std::ranges::copy(triangles, buffers.triangles);
+    if (buffers.uvs) std::ranges::copy(uvs, buffers.uvs);
+    if (MARRAM_HAS(&buffers, normals) && buffers.normals && buffers.normals[0])
+        std::ranges::copy(normals, buffers.normals[0]);
+    for (uint32_t a = 0; a < buffers.attribute_count; ++a) {
+        const std::array all{&wear, &rate, &hardness};
+        std::ranges::copy(*all[buffers.attributes[a]], buffers.attribute_values[a]);
     }
-    if (!there)
-        throw SceneFault("contract.null_buffer", "", "a buffer is NULL",
-                         "pass positions, triangles and a value buffer for each requested attribute");
+    if (maps[0].empty()) return;
+    buffers.grids = grids.data();
+    buffers.grid_count = uint32_t(grids.size());
+    buffers.grid_stride = sizeof(MarramGrid);
 }
 
-MarramStatus mesh_rock(MarramInstance* opaque, MarramMeshBuffers* buffers) {
-    if (!opaque) return MARRAM_ERROR; // no host to report to
-    RockInstance& instance = rock(opaque);
-    return guarded_rock(instance.host, [&] {
-        check_rock_buffers(instance, buffers);
-        std::copy(instance.positions.begin(), instance.positions.end(), buffers->positions[0]);
-        std::copy(instance.triangles.begin(), instance.triangles.end(), buffers->triangles);
-        if (buffers->uvs) std::copy(instance.uvs.begin(), instance.uvs.end(), buffers->uvs);
-        if (MARRAM_HAS(buffers, normals) && buffers->normals && buffers->normals[0])
-            std::copy(instance.normals.begin(), instance.normals.end(), buffers->normals[0]);
-        for (uint32_t a = 0; a < buffers->attribute_count; ++a) {
-            const std::array all{&instance.wear, &instance.rate, &instance.hardness};
-            const std::vector<float>& values = *all[buffers->attributes[a]];
-            std::copy(values.begin(), values.end(), buffers->attribute_values[a]);
-        }
-        if (!instance.maps[0].empty()) {
-            buffers->grids = instance.grids.data();
-            buffers->grid_count = uint32_t(instance.grids.size());
-            buffers->grid_stride = sizeof(MarramGrid);
-        }
-        return MARRAM_OK;
-    });
+void RockInstance::report(const ReportSink& sink) const {
+    sink("rock.grains", double(grains.grains));
+    sink("rock.rays", double(grains.rays));
+    sink("rock.hits", double(grains.worn_hits));
+    sink("rock.volume", grains.volume);
+    sink("rock.seconds", grains.seconds);
+    if (!eroded) return;
+    sink("rock.erosion_passes", double(erosion.passes));
+    sink("rock.erosion_removed", erosion.removed);
+    sink("rock.erosion_seconds", erosion.seconds);
 }
 
-void report_rock(MarramInstance* opaque, void (*sink)(void*, const char*, double), void* user) {
-    if (!opaque || !sink) return;
-    const RockInstance& instance = rock(opaque);
-    if (!instance.begun) return;
-    const GrainReport& r = instance.report;
-    sink(user, "rock.grains", double(r.grains));
-    sink(user, "rock.rays", double(r.rays));
-    sink(user, "rock.hits", double(r.worn_hits));
-    sink(user, "rock.volume", r.volume);
-    sink(user, "rock.seconds", r.seconds);
-    if (!instance.eroded) return;
-    sink(user, "rock.erosion_passes", double(instance.erosion.passes));
-    sink(user, "rock.erosion_removed", instance.erosion.removed);
-    sink(user, "rock.erosion_seconds", instance.erosion.seconds);
-}
+const std::vector<MarramParam>& RockInstance::params() { return rock_params(); }
 
-void destroy_rock(MarramInstance* opaque) { delete reinterpret_cast<RockInstance*>(opaque); } // NULL is fine
-
-} // namespace
-
-MarramProcedural rock_procedural() {
-    MarramProcedural procedural{};
-    procedural.name = "rock";
-    procedural.help = "a mesh with what wind-blown sand wears of it";
-    procedural.kind = MARRAM_MESH;
-    procedural.params = rock_params().data();
-    procedural.param_count = uint32_t(rock_params().size());
-    procedural.param_stride = sizeof(MarramParam);
-    procedural.attributes = rock_attributes.data();
-    procedural.attribute_count = uint32_t(rock_attributes.size());
-    procedural.attribute_stride = sizeof(MarramAttribute);
-    procedural.create = create_rock;
-    procedural.begin = begin_rock;
-    procedural.mesh = mesh_rock;
-    procedural.report = report_rock;
-    procedural.destroy = destroy_rock;
-    procedural.update = update_rock;
-    procedural.prepare = prepare_rock;
-    return procedural;
-}
-
-std::span<const MarramReportEntry> rock_report_entries() {
+std::span<const MarramReportEntry> RockInstance::report_entries() {
     static constexpr std::array entries = {
         MarramReportEntry{"rock.grains", "count", MARRAM_SUM, nullptr, nullptr, "grains of sand traced"},
         MarramReportEntry{"rock.rays", "count", MARRAM_SUM, nullptr, nullptr,
@@ -289,7 +187,8 @@ std::span<const MarramReportEntry> rock_report_entries() {
         MarramReportEntry{"rock.seconds", "s", MARRAM_SUM, nullptr, nullptr, "tracing grains"},
         MarramReportEntry{"rock.erosion_passes", "count", MARRAM_SUM, nullptr, nullptr,
                           "of erosion, all levels"},
-        MarramReportEntry{"rock.erosion_removed", "m^3", MARRAM_SUM, nullptr, nullptr, "rock that is gone, of what was given"},
+        MarramReportEntry{"rock.erosion_removed", "m^3", MARRAM_SUM, nullptr, nullptr,
+                          "rock that is gone, of what was given"},
         MarramReportEntry{"rock.erosion_seconds", "s", MARRAM_SUM, nullptr, nullptr, "eroding"},
     };
     return entries;

@@ -114,7 +114,7 @@ RockSurroundings rock_surroundings(const RockInstance& instance, const Values& v
                                    const MarramFrame& frame, std::span<const MarramMesh> meshes,
                                    const MarramMesh& mesh) {
     RockSurroundings around;
-    around.cancelled = [&instance] { return instance.host.cancelled(instance.host.user) != 0; };
+    around.cancelled = [&instance] { return instance.cancelled(); };
     around.scenery.device = frame.device;
     around.scenery.rock_id = mesh.geometry_id;
     around.scenery.winds = rock_winds(values);
@@ -131,9 +131,8 @@ RockSurroundings rock_surroundings(const RockInstance& instance, const Values& v
     return around;
 }
 
-// Erodes the mesh. Empty: cancelled.
-std::optional<LevelSet> erode_rock(RockInstance& instance, const Values& values,
-                                   const RockSurroundings& around, const MarramMesh& mesh) {
+LevelSet erode_rock(RockInstance& instance, const Values& values, const RockSurroundings& around,
+                    const MarramMesh& mesh) {
     const double begin = wall_seconds();
     ErosionHooks hooks;
     hooks.cancelled = around.cancelled;
@@ -146,7 +145,7 @@ std::optional<LevelSet> erode_rock(RockInstance& instance, const Values& values,
         result = erode({mesh.positions[0], 3 * size_t(mesh.vertex_count)},
                        {mesh.triangles, 3 * size_t(mesh.triangle_count)}, rock_erosion_settings(values, mesh),
                        grain_wear(around.scenery, around.cancelled), hooks);
-        if (result.cancelled) return {};
+        if (result.cancelled) throw Cancelled();
     } catch (const LevelSetError& error) {
         const std::string what = error.what();
         const auto says = [&](const char* words) { return what.find(words) != std::string::npos; };
@@ -180,13 +179,13 @@ std::optional<LevelSet> erode_rock(RockInstance& instance, const Values& values,
     return std::move(rock);
 }
 
-// Computes the attributes. `eroded`: the rock, if it is eroded. false: cancelled.
-bool wear_rock(RockInstance& instance, const Values& values, const MarramFrame& frame,
+// Computes the attributes. `eroded`: the rock, if it is eroded.
+void wear_rock(RockInstance& instance, const Values& values, const MarramFrame& frame,
                const RockSurroundings& around, const MarramMesh& mesh, std::optional<LevelSet>& eroded) {
     const std::vector<uint32_t> first = first_at_place(instance.positions);
     std::vector<double> depth(first.size()), hardness(first.size());
     if (eroded) {
-        instance.report = wear_by_grains(around.scenery, eroded->mesh(), 0, depth, around.cancelled);
+        instance.grains = wear_by_grains(around.scenery, eroded->mesh(), 0, depth, around.cancelled);
         blur_over_surface(eroded->mesh(), 3, depth);
     } else {
         std::vector<uint32_t> joined(instance.triangles.size());
@@ -194,9 +193,9 @@ bool wear_rock(RockInstance& instance, const Values& values, const MarramFrame& 
                        [&](uint32_t v) { return first[v]; });
         const WornMesh worn{mesh.geometry_id, instance.positions.data(), instance.positions.size() / 3,
                             joined.data(), joined.size() / 3};
-        instance.report = trace_winds(frame.colliders, worn, around.scenery, 0, depth, around.cancelled);
+        instance.grains = trace_winds(frame.colliders, worn, around.scenery, 0, depth, around.cancelled);
     }
-    if (instance.report.cancelled) return false;
+    if (instance.grains.cancelled) throw Cancelled();
     rock_hardness(rock_hardness_settings(values), instance.positions, 0.0, hardness);
     instance.hardness.assign(hardness.begin(), hardness.end());
     instance.rate.resize(first.size()), instance.wear.resize(first.size());
@@ -207,7 +206,6 @@ bool wear_rock(RockInstance& instance, const Values& values, const MarramFrame& 
                             : rate_of_area(instance.positions, instance.triangles, instance.rate, 0.95);
     for (size_t v = 0; v < first.size(); ++v)
         instance.wear[v] = full > 0.0 ? float(std::min(double(instance.rate[v]) / full, 1.0)) : 0.0F;
-    return true;
 }
 
 bool below(const MarramMesh& mesh, double height) {
@@ -259,15 +257,15 @@ void send_rock_warnings(const RockInstance& instance, const Values& values, cons
              values.at(values.has("speed") ? "speed" : "wind.speed").place,
              fmt::format("grains have no speed, so that none hits the mesh '{}'", mesh.name),
              "give the wind a speed, or the rock a speed above 0");
-    else if (instance.report.worn_hits == 0 && grains.ground && below(mesh, *grains.ground))
+    else if (instance.grains.worn_hits == 0 && grains.ground && below(mesh, *grains.ground))
         send(instance.host, MARRAM_WARNING, "rock.buried", values.at("sand_level").place,
              fmt::format("all of the mesh '{}' is below the sand", mesh.name),
              "lower sand_level, or raise the mesh");
-    else if (instance.report.worn_hits == 0)
+    else if (instance.grains.worn_hits == 0)
         send(instance.host, MARRAM_WARNING, "rock.no_hits", place,
              fmt::format("no grain has hit the mesh '{}'", mesh.name),
              "raise height or paths, or see whether something upwind shelters all of it");
-    else if (instance.report.worn == 0)
+    else if (instance.grains.worn == 0)
         send(instance.host, MARRAM_WARNING, "rock.no_wear", place,
              fmt::format("grains hit the mesh '{}', but none above the threshold", mesh.name),
              "raise speed or lower threshold");
@@ -275,8 +273,8 @@ void send_rock_warnings(const RockInstance& instance, const Values& values, cons
 
 } // namespace
 
-MarramStatus evaluate_rock(RockInstance& instance, const Values& values, const MarramFrame& frame,
-                           std::span<const MarramMesh> meshes, const MarramStates* states) {
+void evaluate_rock(RockInstance& instance, const Values& values, const MarramFrame& frame,
+                   std::span<const MarramMesh> meshes, const MarramStates* states) {
     const MarramMesh& mesh = rock_mesh_named(meshes, values.at("mesh"));
     const bool erodes = values.integer("levels") > 0;
     if (!frame.colliders)
@@ -286,31 +284,30 @@ MarramStatus evaluate_rock(RockInstance& instance, const Values& values, const M
         throw SceneFault("contract.no_device", "", "MarramFrame.device is NULL", "pass Embree's device");
     if (!erodes) copy_mesh(instance, mesh);
     const uint64_t digest = digest_of_rock(instance, meshes);
-    if (digest == instance.digest) return MARRAM_OK;
+    if (digest == instance.digest) return;
     instance.digest = 0;
     instance.eroded = false;
     MarramState kept{};
     kept.size = sizeof kept;
     if (!erodes) states = nullptr; // fast enough without
-    if (states && states->load(states->user, frame.frame, &kept) != MARRAM_OK) return MARRAM_ERROR;
+    if (states && states->load(states->user, frame.frame, &kept) != MARRAM_OK) throw Reported();
     if (!kept.data ||
         !read_rock_state({static_cast<const char*>(kept.data), kept.byte_count}, digest, instance)) {
         const RockSurroundings around = rock_surroundings(instance, values, frame, meshes, mesh);
         std::optional<LevelSet> eroded;
-        if (erodes && !(eroded = erode_rock(instance, values, around, mesh))) return MARRAM_CANCELLED;
-        if (!wear_rock(instance, values, frame, around, mesh, eroded)) return MARRAM_CANCELLED;
+        if (erodes) eroded = erode_rock(instance, values, around, mesh);
+        wear_rock(instance, values, frame, around, mesh, eroded);
         instance.eroded = erodes;
         if (states) {
             const std::vector<char> bytes = write_rock_state(instance, digest);
             const MarramState state{sizeof(MarramState), kept.data ? frame.frame : before_all_frames,
                                     bytes.data(), bytes.size()};
-            if (states->store(states->user, &state) != MARRAM_OK) return MARRAM_ERROR;
+            if (states->store(states->user, &state) != MARRAM_OK) throw Reported();
         }
     }
     make_rock_maps(instance, values); // of an eroded rock: none
     instance.digest = digest;
     send_rock_warnings(instance, values, mesh);
-    return MARRAM_OK;
 }
 
 } // namespace marram

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "core/plugin/marram_plugin.h"
+#include "procedural/border.h"
 #include "procedural/erosion/erosion.h"
 #include "procedural/terrain/stored_values.h"
 #include "procedural/values.h"
@@ -14,7 +15,7 @@
 
 namespace marram {
 
-// mesh_rock() writes their values in this order; make_rock_maps() bakes the first two.
+// RockInstance::mesh() writes their values in this order; make_rock_maps() bakes the first two.
 inline constexpr std::array rock_attributes = {
     MarramAttribute{"wear", 1, MARRAM_PER_VERTEX, 0, "what the wind wears, 0 to 1 of the parameter full",
                     nullptr, 0},
@@ -33,8 +34,7 @@ struct RockErosion {
     double seconds = 0.0;
 };
 
-struct RockInstance {
-    MarramHost host{};
+struct RockInstance : Instance {
     StoredValues values;
     uint64_t values_digest = 0;
     uint64_t digest = 0;                        // of all inputs of `wear`; 0: not computed yet
@@ -45,15 +45,28 @@ struct RockInstance {
     RockErosion erosion;
     std::array<std::vector<float>, 2> maps; // wear, rate: a pixel each, row by row; or none
     std::array<MarramGrid, 2> grids{};      // point into maps
-    GrainReport report;
-    bool begun = false;
+    GrainReport grains;
+
+    // The members that entry_points.h asks for (rock.cpp).
+    static constexpr const char *name = "rock", *help = "a mesh with what wind-blown sand wears of it";
+    static constexpr const char* less = "make voxel larger, use a mesh of fewer triangles, or a smaller map";
+    static const std::vector<MarramParam>& params();
+    static std::span<const MarramAttribute> type_attributes() { return rock_attributes; }
+    static std::span<const MarramReportEntry> report_entries();
+    void take(std::span<const MarramValue> list);
+    uint32_t update(std::span<const MarramValue> list, uint32_t inputs);
+    bool prepares() const;
+    void prepare(const LentFrame& lent, const MarramStates* states);
+    MarramOutput begin(const LentFrame& lent);
+    void mesh(MarramMeshBuffers& buffers);
+    void report(const ReportSink& sink) const;
 };
 
 // Computes the output unless it is up to date: the mesh, its attributes and images by uv (rock_evaluation.cpp).
 // `meshes`: those of the frame. `states`: an eroded rock that the host has kept is taken, a new one is kept; may be
 // NULL. Throws SceneFault.
-MarramStatus evaluate_rock(RockInstance& instance, const Values& values, const MarramFrame& frame,
-                           std::span<const MarramMesh> meshes, const MarramStates* states);
+void evaluate_rock(RockInstance& instance, const Values& values, const MarramFrame& frame,
+                   std::span<const MarramMesh> meshes, const MarramStates* states);
 
 // The output of an eroded rock as bytes, and back (rock_state.cpp). read_rock_state() returns false, and leaves the
 // instance as it was, if the bytes are not those of a rock with this digest.

@@ -38,8 +38,8 @@ std::vector<char> write_rock_state(const RockInstance& rock, uint64_t digest) {
     RockErosion erosion = rock.erosion;
     erosion.seconds = 0.0;
     out.add(erosion);
-    out.add(StoredGrainReport{rock.report.grains, rock.report.rays, rock.report.worn_hits, rock.report.worn,
-                              rock.report.volume});
+    out.add(StoredGrainReport{rock.grains.grains, rock.grains.rays, rock.grains.worn_hits, rock.grains.worn,
+                              rock.grains.volume});
     out.add_list(rock.positions);
     out.add_list(rock.normals);
     out.add_list(rock.triangles);
@@ -75,12 +75,12 @@ bool read_rock_state(std::span<const char> bytes, uint64_t digest, RockInstance&
     instance.wear = std::move(rock.wear);
     instance.rate = std::move(rock.rate);
     instance.hardness = std::move(rock.hardness);
-    instance.report = {};
-    instance.report.grains = grains.grains;
-    instance.report.rays = grains.rays;
-    instance.report.worn_hits = grains.hits;
-    instance.report.worn = grains.worn;
-    instance.report.volume = grains.volume;
+    instance.grains = {};
+    instance.grains.grains = grains.grains;
+    instance.grains.rays = grains.rays;
+    instance.grains.worn_hits = grains.hits;
+    instance.grains.worn = grains.worn;
+    instance.grains.volume = grains.volume;
     return true;
 }
 

@@ -83,10 +83,11 @@ Eigen::AlignedBox3d bounds_at_rest(const GroomInstance& instance) {
     return box;
 }
 
-void patch_bounds(const GroomInstance& instance, uint32_t index, MarramPatch* out) {
+MarramPatch patch_bounds(const GroomInstance& instance, uint32_t index) {
+    MarramPatch out{};
     const GroomPatch patch = instance.patch_at(index);
-    out->first_curve = patch.first_curve;
-    out->curve_count = uint32_t(patch.roots.size());
+    out.first_curve = patch.first_curve;
+    out.curve_count = uint32_t(patch.roots.size());
     Vec3d lower = Vec3d::Constant(std::numeric_limits<double>::infinity()), upper = -lower;
     double max_coordinate = 0.0;
     const double scale = max_instance_scale(std::span(&patch.mesh_instance, 1));
@@ -107,9 +108,10 @@ void patch_bounds(const GroomInstance& instance, uint32_t index, MarramPatch* ou
     max_coordinate = std::max({max_coordinate, lower.cwiseAbs().maxCoeff(), upper.cwiseAbs().maxCoeff()});
     const double reach = reach_from_root(instance, max_coordinate);
     for (int axis = 0; axis < 3; ++axis) {
-        out->lower[axis] = float(lower[axis] - reach);
-        out->upper[axis] = float(upper[axis] + reach);
+        out.lower[axis] = float(lower[axis] - reach);
+        out.upper[axis] = float(upper[axis] + reach);
     }
+    return out;
 }
 
 } // namespace marram

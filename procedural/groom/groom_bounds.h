@@ -13,6 +13,6 @@ Eigen::AlignedBox3d bounds_of_strands(const GroomInstance& instance);
 Eigen::AlignedBox3d bounds_at_rest(const GroomInstance& instance);
 
 // The box and the range of strands of one patch.
-void patch_bounds(const GroomInstance& instance, uint32_t index, MarramPatch* out);
+MarramPatch patch_bounds(const GroomInstance& instance, uint32_t index);
 
 } // namespace marram

@@ -4,10 +4,8 @@
 #pragma once
 
 #include "procedural/groom/groom_settings.h"
-#include "procedural/groom/mesh_instances.h"
-#include "procedural/groom/past.h"
 #include "procedural/groom/roots.h"
-#include "procedural/groom/strand_calls.h"
+#include "procedural/groom/strand_instance.h"
 #include "procedural/groom/strand_shape.h"
 #include "procedural/wind/chain.h"
 
@@ -26,11 +24,6 @@ inline int strands_per_patch(int cvs) {
     return std::clamp((patch_cvs / cvs + lanes - 1) / lanes * lanes, lanes, 512);
 }
 
-// Settings that the tolerance chooses.
-struct Automatic {
-    bool cvs = false, rays = false, step = false;
-};
-
 // The motion of the guides in the wind, if children follow it.
 struct GuideMotion {
     Wind wind; // the wind of the guides, without collision
@@ -46,14 +39,11 @@ struct GroomPatch {
     uint64_t first_curve;
 };
 
-struct GroomInstance {
-    MarramHost host{};
-    Groom groom;
-    Wind wind; // groom and wind include the settings chosen for the frame
-    Automatic automatic;
-    uint64_t values_digest = 0, roots_digest = 0; // of all values; of those that determine the roots
-    std::optional<ChosenFor> chosen_for;
-    std::vector<std::string> inexact; // warnings where no setting reaches the tolerance
+struct ParsedGroom; // groom.cpp
+
+struct GroomInstance : StrandInstance {
+    Groom groom;               // includes the settings chosen for the frame
+    uint64_t roots_digest = 0; // of the values that determine the roots
 
     std::vector<Root> roots;
     std::vector<float> bind_positions;
@@ -63,35 +53,31 @@ struct GroomInstance {
     std::vector<float> bind_normals;        // if there are guides and the mesh has normals
     GuideMotion guide_motion;
     bool placed = false;
-    double placing_seconds = 0.0, prepare_seconds = 0.0; // wall time within begin
+    double placing_seconds = 0.0; // wall time within begin
     size_t placing_peak_bytes = 0;
 
-    bool begun = false;              // a frame has begun without errors
-    std::optional<double> announced; // the frame for which long work was announced
-    MarramFrame frame{};
-    std::vector<MarramMesh> meshes;           // the frame's
-    const MarramMesh* mesh = nullptr;         // the mesh that strands grow on
-    std::vector<MeshInstance> mesh_instances; // the mesh and its instances
-    std::vector<MarramAttribute> attributes;  // of the mesh
+    std::vector<MarramAttribute> attributes; // of the mesh
     // Digests taken when the roots were placed: of the mesh's topology, of all mesh data that determines the
     // roots, and of guides and parting lines.
     uint64_t placed_topology_digest = 0, placed_mesh_digest = 0, placed_guides_digest = 0;
     uint64_t placed_covering_digest = 0; // of the meshes that can cover roots
     bool mesh_may_differ = false;        // as announced by update()
-    uint32_t time_count = 1;
-    ChainFrame chain;
-    ColliderTrees trees;
-    PastSkin past;
-    GustStart gust_start;
-    bool gusts_checked = false;        // whether any touches a strand
-    Eigen::AlignedBox3d gust_bounds;   // of the strands in the last frame begun, if there are gusts
-    std::vector<float> radius_profile; // [cvs]: radius of a strand of width 1, half of Groom::width_profile
+    std::vector<float> radius_profile;   // [cvs]: radius of a strand of width 1, half of Groom::width_profile
 
-    Workers workers;
+    // The members that entry_points.h asks for (groom.cpp); the rest is in StrandInstance.
+    static constexpr const char* name = "groom";
+    static constexpr const char* help =
+        "hair, fur or grass that grows on a mesh and bends in the scene's wind";
+    static constexpr const char* less = "lower its density or count";
+    static const std::vector<MarramParam>& params();
+    static std::span<const MarramAttribute> type_attributes();
+    static std::span<const MarramReportEntry> report_entries();
+    void take(std::span<const MarramValue> list);
+    uint32_t update(std::span<const MarramValue> list, uint32_t inputs);
+    bool oriented() const { return groom.shape == MARRAM_ORIENTED_RIBBON; }
+    MarramPatch patch(uint32_t index) const;
+    void tessellate(uint32_t index, const MarramPatchBuffers& buffers);
 
-    void warn(const char* id, const std::string& what, const std::string& remedy) const {
-        send(host, MARRAM_WARNING, id, groom.mesh_place, what, remedy);
-    }
     SkinPoses poses(uint32_t time) const {
         const uint32_t t = std::min(time, mesh->time_count - 1);
         const Surface now{mesh->positions[t],   mesh->normals ? mesh->normals[t] : nullptr,
@@ -125,6 +111,28 @@ struct GroomInstance {
         return {mesh_instances[index], std::span(roots).subspan(first, std::min(size, roots.size() - first)),
                 index * roots.size() + first};
     }
+
+  protected:
+    const char* type() const override { return name; }
+    const std::string& place() const override { return groom.mesh_place; }
+    const std::string& skin_name() const override { return groom.mesh; }
+    void lay_out() override;
+    double longest() const override { return max_instance_scale(mesh_instances) * longest_strand(groom); }
+    void choose_cvs(double tolerance) override;
+    int fewest_cvs() const override { return groom.cvs; }
+    JigglePilot pilot(double tolerance) const override;
+    bool moves() const override { return mesh->time_count > 1 || instances_move(); }
+    LongWork work() const override;
+    ChainFrame make_chain() override;
+    Eigen::AlignedBox3d bounds() const override;
+    void finish_frame() override;
+    MarramOutput output() override;
+    Bytes bytes() const override;
+    void report_own(const ReportSink& sink) const override;
+
+  private:
+    PilotGroom pilot_groom() const;
+    void apply(ParsedGroom parsed);
 };
 
 } // namespace marram

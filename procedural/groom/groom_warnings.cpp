@@ -149,18 +149,6 @@ void warn_of_guides(const GroomInstance& instance, const Binding& binding) {
              instance.groom.guides->place, problem.what, problem.fix);
 }
 
-void announce_long_work(GroomInstance& instance, int64_t past_samples) {
-    LongWork work;
-    work.cvs = double(instance.roots.size() * instance.mesh_instances.size()) * instance.groom.cvs;
-    work.cvs_per_strand = instance.groom.cvs;
-    work.samples = instance.frame.time_count;
-    work.past_samples = past_samples;
-    work.collides = instance.wind.collision && instance.frame.stage == MARRAM_FINAL;
-    work.remedy = "ask for fewer strands or CVs, a larger tolerance, or stronger jiggle.damping";
-    announce_long_work(instance.host, "groom.long_work", instance.groom.mesh_place, work,
-                       instance.frame.frame, instance.announced);
-}
-
 // A length in the wrong unit: every ray meets every strand, and rendering takes hours.
 void warn_of_length(const GroomInstance& instance) {
     constexpr double much = 1e4; // times the size of the mesh

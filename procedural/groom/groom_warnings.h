@@ -29,6 +29,5 @@ void warn_of_guides(const GroomInstance& instance, const Binding& binding);
 // Before a frame is computed: rounding far from the origin, lengths in the wrong unit, long computations.
 void warn_of_rounding(const GroomInstance& instance);
 void warn_of_length(const GroomInstance& instance);
-void announce_long_work(GroomInstance& instance, int64_t past_samples);
 
 } // namespace marram

@@ -4,9 +4,8 @@
 
 #include "procedural/groom/binding.h"
 #include "procedural/groom/imported_settings.h"
-#include "procedural/groom/mesh_instances.h"
-#include "procedural/groom/past.h"
-#include "procedural/groom/strand_calls.h"
+#include "procedural/groom/lent_curves.h"
+#include "procedural/groom/strand_instance.h"
 
 #include <algorithm>
 #include <array>
@@ -32,14 +31,9 @@ struct ImportPatchOnMesh {
     uint64_t first_curve; // in the output
 };
 
-struct ImportInstance {
-    MarramHost host{};
+struct ImportInstance : StrandInstance {
     ImportSettings settings;
-    Wind wind; // includes the settings chosen for the frame
-    bool automatic_rays = false, automatic_step = false;
-    uint64_t values_digest = 0, binding_digest = 0; // of all values; of those that determine the binding
-    std::optional<ChosenFor> chosen_for;
-    std::vector<std::string> inexact; // warnings where no setting reaches the tolerance
+    uint64_t binding_digest = 0; // of the values that determine the binding
     std::vector<MarramAttribute>
         attributes; // output; names point into settings.passed_attributes or are constants
 
@@ -51,31 +45,31 @@ struct ImportInstance {
     Eigen::AlignedBox3d bind_box; // of all CVs in the bind pose
     // Of CV counts and whether curves move; of the mesh's topology.
     uint64_t bind_layout_digest = 0, bind_topology_digest = 0;
-    uint32_t fewest_cvs = 2;                     // of a strand
-    double longest_at_bind = 0.0, longest = 0.0; // longest strand, m: in the bind pose; also over the frame
-    double binding_seconds = 0.0, prepare_seconds = 0.0; // wall time within begin
-    std::optional<double> announced;                     // the frame for which long work was announced
+    uint32_t least_cvs = 2; // of a strand
+    double longest_at_bind = 0.0,
+           longest_now = 0.0;     // longest strand, m: in the bind pose; also over the frame
+    double binding_seconds = 0.0; // wall time within begin
 
-    bool begun = false; // a frame has begun without errors
-    MarramFrame frame{};
-    std::vector<MarramMesh> meshes; // the frame's
-    const MarramMesh* mesh = nullptr;
-    std::vector<MeshInstance> mesh_instances; // the mesh and its instances; one if strands are not bound
-    std::vector<uint64_t> offsets;            // of the output, if there are instances and CV counts differ
+    std::vector<uint64_t> offsets; // of the output, if there are instances and CV counts differ
     LentCurves curves;
     MarramBasis basis = MARRAM_CATMULL_ROM;
-    uint32_t time_count = 1;
-    ChainFrame chain;
-    ColliderTrees trees;
-    PastSkin past; // its window is used even without a skin
-    GustStart gust_start;
-    bool gusts_checked = false;      // whether any touches a strand
-    Eigen::AlignedBox3d gust_bounds; // of the strands in the last frame begun, if there are gusts
-    Workers workers;
 
-    void warn(const char* id, const std::string& what, const std::string& remedy) const {
-        send(host, MARRAM_WARNING, id, settings.curves_place, what, remedy);
-    }
+    // The members that entry_points.h asks for (imported.cpp); the rest is in StrandInstance.
+    static constexpr const char* name = "strands";
+    static constexpr const char* help =
+        "hair, fur or grass that was groomed elsewhere, on a mesh or in the open, "
+        "and bends in the scene's wind";
+    static constexpr const char* less = "use a file with fewer strands";
+    static const std::vector<MarramParam>& params();
+    static std::span<const MarramAttribute> type_attributes();
+    static std::span<const MarramReportEntry> report_entries();
+    std::span<const MarramAttribute> attribute_list() const { return attributes; }
+    void take(std::span<const MarramValue> list);
+    uint32_t update(std::span<const MarramValue> list, uint32_t inputs);
+    bool oriented() const { return settings.shape == MARRAM_ORIENTED_RIBBON; }
+    MarramPatch patch(uint32_t index) const;
+    void tessellate(uint32_t index, const MarramPatchBuffers& buffers);
+
     uint32_t patch_count() const { return uint32_t(mesh_instances.size() * patches.size()); }
     // Patches are grouped by mesh instance.
     ImportPatchOnMesh patch_at(uint32_t index) const {
@@ -83,10 +77,8 @@ struct ImportInstance {
         const ImportPatch& patch = patches[index % patches.size()];
         return {patch, mesh_instances[on], on * curves.count() + patch.first};
     }
-    bool moves() const { // at rest, within the shutter
-        return (mesh && mesh->time_count > 1) || curves.curves.time_count > 1 ||
-               std::any_of(mesh_instances.begin(), mesh_instances.end(),
-                           [](const MeshInstance& mesh_instance) { return mesh_instance.moves(); });
+    bool moves() const override { // at rest, within the shutter
+        return (mesh && mesh->time_count > 1) || curves.curves.time_count > 1 || instances_move();
     }
     const float* vertices(uint32_t time) const { // of the curves, as in the file
         return curves.curves.vertices[std::min(time, curves.curves.time_count - 1)];
@@ -103,6 +95,24 @@ struct ImportInstance {
                 mesh->triangles,       mesh->uvs,
                 mesh->triangle_count,  {}};
     }
+
+  protected:
+    const char* type() const override { return name; }
+    const std::string& place() const override { return settings.curves_place; }
+    const std::string& skin_name() const override { return settings.mesh; }
+    void lay_out() override;
+    Eigen::AlignedBox3d bounds_without_meshes() const override { return bind_box; }
+    double longest() const override { return longest_now; }
+    int fewest_cvs() const override { return int(least_cvs); }
+    JigglePilot pilot(double tolerance) const override;
+    bool curves_move() const override { return curves.curves.moves != 0; }
+    double travel_of_curves() const override;
+    LongWork work() const override;
+    ChainFrame make_chain() override;
+    Eigen::AlignedBox3d bounds() const override;
+    MarramOutput output() override;
+    Bytes bytes() const override;
+    void report_own(const ReportSink& sink) const override;
 };
 
 } // namespace marram

@@ -134,43 +134,38 @@ RestStrandSource imported_rest_strands(const ImportBatch& batch, StageClock& clo
     const auto past_transform = [&instance, batch](int64_t past_sample) -> const Eigen::Affine3d& {
         return batch.mesh_instance.past_transform(size_t(past_sample - instance.past.window.first));
     };
-    return {[&instance, batch, expand_on, take_to_instance, first_float, &clock](uint32_t time,
-                                                                                 Strands& strands) {
-                const StageTimer timer(clock.expand);
-                const bool moves = instance.curves.curves.moves != 0;
-                const float* vertices =
-                    (moves ? instance.vertices(time) : instance.bind_pose()) + first_float;
-                const Surface now = instance.mesh ? instance.surface(time) : Surface{};
-                expand_on(instance.mesh ? &now : nullptr, vertices, strands);
-                take_to_instance(batch.mesh_instance.transform(time), strands);
-            },
-            [&instance, batch, expand_on, take_to_instance, past_transform,
-             first_float](int64_t past_sample, Strands& strands) { // timed as jiggle
-                const MarramFrame& frame = instance.frame;
-                std::vector<float> then;
-                const float* vertices = instance.bind_pose() + first_float;
-                if (instance.curves.curves.moves) {
-                    const ImportPatch& patch = batch.patch;
-                    then.resize(4 * (instance.curves.first_vertex(patch.first + patch.count)) - first_float);
-                    const MarramStatus status = pose_lent_curves(frame, instance.curves.index,
-                                                                 instance.wind.jiggle->frame_of(past_sample),
-                                                                 patch.first, patch.count, then);
-                    if (status != MARRAM_OK)
-                        throw SceneFault("strands.pose", instance.settings.curves_place,
-                                         "the curves cannot be posed at an earlier frame",
-                                         "see the renderer's own message");
-                    vertices = then.data();
-                }
-                const Surface now = instance.mesh ? instance.past.at(past_sample, *instance.mesh) : Surface{};
-                expand_on(instance.mesh ? &now : nullptr, vertices, strands);
-                take_to_instance(past_transform(past_sample), strands);
-            },
-            [&instance, past_transform](int64_t past_sample) { // never asked for the window's first sample
-                return !instance.curves.curves.moves &&
-                       (!instance.mesh ||
-                        (instance.past.unchanged_at(past_sample) &&
-                         past_transform(past_sample).matrix() == past_transform(past_sample - 1).matrix()));
-            }};
+    return {
+        [&instance, batch, expand_on, take_to_instance, first_float, &clock](uint32_t time,
+                                                                             Strands& strands) {
+            const StageTimer timer(clock.expand);
+            const bool moves = instance.curves.curves.moves != 0;
+            const float* vertices = (moves ? instance.vertices(time) : instance.bind_pose()) + first_float;
+            const Surface now = instance.mesh ? instance.surface(time) : Surface{};
+            expand_on(instance.mesh ? &now : nullptr, vertices, strands);
+            take_to_instance(batch.mesh_instance.transform(time), strands);
+        },
+        [&instance, batch, expand_on, take_to_instance, past_transform,
+         first_float](int64_t past_sample, Strands& strands) { // timed as jiggle
+            const MarramFrame& frame = instance.frame;
+            std::vector<float> then;
+            const float* vertices = instance.bind_pose() + first_float;
+            if (instance.curves.curves.moves) {
+                const ImportPatch& patch = batch.patch;
+                then.resize(4 * (instance.curves.first_vertex(patch.first + patch.count)) - first_float);
+                pose_lent_curves(frame, instance.curves.index, instance.wind.jiggle->frame_of(past_sample),
+                                 patch.first, patch.count, then);
+                vertices = then.data();
+            }
+            const Surface now = instance.mesh ? instance.past.at(past_sample, *instance.mesh) : Surface{};
+            expand_on(instance.mesh ? &now : nullptr, vertices, strands);
+            take_to_instance(past_transform(past_sample), strands);
+        },
+        [&instance, past_transform](int64_t past_sample) { // never asked for the window's first sample
+            return !instance.curves.curves.moves &&
+                   (!instance.mesh ||
+                    (instance.past.unchanged_at(past_sample) &&
+                     past_transform(past_sample).matrix() == past_transform(past_sample - 1).matrix()));
+        }};
 }
 
 void write_import_vertices(const ImportBatch& batch, const Strands& strands, float* out) {

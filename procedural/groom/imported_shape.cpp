@@ -232,9 +232,9 @@ void make_patches(ImportInstance& instance) {
     });
     instance.longest_at_bind = 0.0;
     instance.bind_box = {};
-    instance.fewest_cvs = lent.count() > 0 ? UINT32_MAX : 2;
+    instance.least_cvs = lent.count() > 0 ? UINT32_MAX : 2;
     for (uint64_t c = 0; c < lent.count(); ++c)
-        instance.fewest_cvs = std::min(instance.fewest_cvs, lent.cvs(c));
+        instance.least_cvs = std::min(instance.least_cvs, lent.cvs(c));
     for (size_t p = 0; p < patches.size(); ++p) {
         instance.longest_at_bind = std::max(instance.longest_at_bind, patches[p].longest);
         instance.bind_box.extend(boxes[p]);
@@ -284,12 +284,13 @@ double import_reach(const ImportInstance& instance, double longest, double longe
 
 // The box of the feet (closest points on the skin), grown by the reach. A root is at most max_foot_distance
 // from its foot, and raising moves it by at most that plus root_offset; hence reach + 2 max_foot_distance.
-void import_patch_bounds(const ImportInstance& instance, uint32_t index, MarramPatch* out) {
+MarramPatch import_patch_bounds(const ImportInstance& instance, uint32_t index) {
+    MarramPatch out{};
     const ImportPatchOnMesh on = instance.patch_at(index);
     const ImportPatch& patch = on.patch;
     const LentCurves& lent = instance.curves;
-    out->first_curve = on.first_curve;
-    out->curve_count = uint32_t(patch.count);
+    out.first_curve = on.first_curve;
+    out.curve_count = uint32_t(patch.count);
     Eigen::AlignedBox3d box;
     double longest = patch.longest, segment = patch.longest_segment, max_radius = patch.max_radius;
     const bool moves = lent.curves.moves != 0;
@@ -329,9 +330,10 @@ void import_patch_bounds(const ImportInstance& instance, uint32_t index, MarramP
     const double reach = import_reach(instance, longest, segment, max_radius, scale, max_coordinate) +
                          2.0 * scale * max_foot_distance;
     for (int axis = 0; axis < 3; ++axis) {
-        out->lower[axis] = float(box.min()[axis] - reach);
-        out->upper[axis] = float(box.max()[axis] + reach);
+        out.lower[axis] = float(box.min()[axis] - reach);
+        out.upper[axis] = float(box.max()[axis] + reach);
     }
+    return out;
 }
 
 Eigen::AlignedBox3d bounds_of_import(const ImportInstance& instance) {
@@ -339,8 +341,7 @@ Eigen::AlignedBox3d bounds_of_import(const ImportInstance& instance) {
         tbb::blocked_range<uint32_t>(0, instance.patch_count()), Eigen::AlignedBox3d(),
         [&](const tbb::blocked_range<uint32_t>& range, Eigen::AlignedBox3d box) {
             for (uint32_t i = range.begin(); i < range.end(); ++i) {
-                MarramPatch patch{};
-                import_patch_bounds(instance, i, &patch);
+                const MarramPatch patch = import_patch_bounds(instance, i);
                 box.extend(Eigen::Map<const Vec3f>(patch.lower).cast<double>());
                 box.extend(Eigen::Map<const Vec3f>(patch.upper).cast<double>());
             }

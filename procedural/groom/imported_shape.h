@@ -20,7 +20,7 @@ namespace marram {
 void expand_imported(const ImportInstance& instance, const SkinPoses* skin, const float* vertices,
                      uint64_t first, std::span<const uint32_t> curves, uint32_t cvs, Strands& strands);
 
-// Computes the time-independent data of the curves: instance.patches, longest_at_bind, fewest_cvs and
+// Computes the time-independent data of the curves: instance.patches, longest_at_bind, least_cvs and
 // bind_box.
 void make_patches(ImportInstance& instance);
 
@@ -28,7 +28,7 @@ void make_patches(ImportInstance& instance);
 double longest_in_frame(const ImportInstance& instance);
 
 // The range of curves of one patch, and its box at all motion samples of the frame, bent or at rest.
-void import_patch_bounds(const ImportInstance& instance, uint32_t index, MarramPatch* out);
+MarramPatch import_patch_bounds(const ImportInstance& instance, uint32_t index);
 
 // The union of the boxes of all patches, widths and clearances included. Poses at the past samples of jiggle
 // are not included.

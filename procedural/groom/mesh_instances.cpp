@@ -32,36 +32,28 @@ Eigen::AlignedBox3d transformed_box(const Eigen::Affine3d& transform, const Eige
     return out;
 }
 
-MarramStatus find_mesh_instances(const MarramFrame& frame, const MarramMesh& mesh,
-                                 std::vector<MeshInstance>& mesh_instances) {
-    mesh_instances.assign(1, MeshInstance{&mesh});
+std::vector<MeshInstance> find_mesh_instances(const MarramFrame& frame, const MarramMesh& mesh) {
+    std::vector<MeshInstance> mesh_instances(1, MeshInstance{&mesh});
     const auto instance_of = uint32_t(&mesh - frame.meshes) + 1; // of its instances
     for (uint32_t m = 0; m < frame.mesh_count; ++m) {
         if (frame.meshes[m].instance_of != instance_of) continue;
         MeshInstance mesh_instance{&frame.meshes[m], true};
-        if (const MarramStatus status =
-                place_lent_instance(frame, m, frame.bind_frame, mesh_instance.transform_at_bind);
-            status != MARRAM_OK)
-            return status;
-        mesh_instance.transforms.resize(frame.time_count);
+        mesh_instance.transform_at_bind = place_lent_instance(frame, m, frame.bind_frame);
+        mesh_instance.transforms.clear();
         for (uint32_t t = 0; t < frame.time_count; ++t)
-            if (const MarramStatus status =
-                    place_lent_instance(frame, m, frame.times[t], mesh_instance.transforms[t]);
-                status != MARRAM_OK)
-                return status;
+            mesh_instance.transforms.push_back(place_lent_instance(frame, m, frame.times[t]));
         const auto same = [&](const Eigen::Affine3d& transform) {
             return transform.matrix() == mesh_instance.transforms[0].matrix();
         };
         if (std::ranges::all_of(mesh_instance.transforms, same)) mesh_instance.transforms.resize(1);
         mesh_instances.push_back(std::move(mesh_instance));
     }
-    return MARRAM_OK;
+    return mesh_instances;
 }
 
-MarramStatus measure_travel(const MarramFrame& frame, std::span<const MeshInstance> mesh_instances,
-                            double& travel) {
-    travel = 0.0;
-    if (mesh_instances.size() == 1) return MARRAM_OK; // no instances
+double measure_travel(const MarramFrame& frame, std::span<const MeshInstance> mesh_instances) {
+    if (mesh_instances.size() == 1) return 0.0; // no instances
+    double travel = 0.0;
     Eigen::AlignedBox3d box;
     const MarramMesh& mesh = *mesh_instances[0].mesh;
     for (size_t v = 0; v < mesh.vertex_count; ++v)
@@ -69,35 +61,31 @@ MarramStatus measure_travel(const MarramFrame& frame, std::span<const MeshInstan
     for (const MeshInstance& mesh_instance : mesh_instances) {
         if (!mesh_instance.is_instance) continue;
         for (const double back : {1.0, 4.0, 16.0, 64.0, 256.0}) {
-            Eigen::Affine3d then;
-            const MarramStatus status = place_lent_instance(
-                frame, uint32_t(mesh_instance.mesh - frame.meshes), frame.times[0] - back, then);
-            if (status != MARRAM_OK) return status;
+            const Eigen::Affine3d then = place_lent_instance(
+                frame, uint32_t(mesh_instance.mesh - frame.meshes), frame.times[0] - back);
             for (int c = 0; c < 8 && !box.isEmpty(); ++c) {
                 const Vec3d corner = box.corner(static_cast<Eigen::AlignedBox3d::CornerType>(c));
                 travel = std::max(travel, (mesh_instance.transform(0) * corner - then * corner).norm());
             }
         }
     }
-    return MARRAM_OK;
+    return travel;
 }
 
-MarramStatus sample_past_transforms(const MarramFrame& frame, const Jiggle& jiggle,
-                                    const JiggleWindow& window, std::span<MeshInstance> mesh_instances,
-                                    bool& moved) {
+bool sample_past_transforms(const MarramFrame& frame, const Jiggle& jiggle, const JiggleWindow& window,
+                            std::span<MeshInstance> mesh_instances) {
+    bool moved = false;
     for (MeshInstance& mesh_instance : mesh_instances) {
         if (!mesh_instance.is_instance) continue;
         const auto mesh = uint32_t(mesh_instance.mesh - frame.meshes);
         mesh_instance.past_transforms.clear();
         for (int64_t past_sample = window.first; past_sample <= window.last; ++past_sample)
-            if (const MarramStatus status = place_lent_instance(frame, mesh, jiggle.frame_of(past_sample),
-                                                                mesh_instance.past_transforms.emplace_back());
-                status != MARRAM_OK)
-                return status;
+            mesh_instance.past_transforms.push_back(
+                place_lent_instance(frame, mesh, jiggle.frame_of(past_sample)));
         for (const Eigen::Affine3d& transform : mesh_instance.past_transforms)
             moved = moved || transform.matrix() != mesh_instance.transforms[0].matrix();
     }
-    return MARRAM_OK;
+    return moved;
 }
 
 namespace {

@@ -44,20 +44,17 @@ Eigen::AlignedBox3d transformed_box(const Eigen::Affine3d& transform, const Eige
 
 // Finds the groom's mesh (mesh_instances[0]) and its instances among the frame's meshes. Throws SceneFault if the
 // host cannot place an instance.
-MarramStatus find_mesh_instances(const MarramFrame& frame, const MarramMesh& mesh,
-                                 std::vector<MeshInstance>& mesh_instances);
+std::vector<MeshInstance> find_mesh_instances(const MarramFrame& frame, const MarramMesh& mesh);
 
 // The largest displacement in m of an instance between the first motion sample and 1, 4, 16, 64 and 256
 // frames before it. A rough estimate is enough: the jiggle's window grows with its logarithm. Throws as
 // find_mesh_instances().
-MarramStatus measure_travel(const MarramFrame& frame, std::span<const MeshInstance> mesh_instances,
-                            double& travel);
+double measure_travel(const MarramFrame& frame, std::span<const MeshInstance> mesh_instances);
 
-// Fills MeshInstance::past_transforms for the window. Sets `moved` if an instance is elsewhere at a past
-// sample than at the first motion sample. Throws as find_mesh_instances().
-MarramStatus sample_past_transforms(const MarramFrame& frame, const Jiggle& jiggle,
-                                    const JiggleWindow& window, std::span<MeshInstance> mesh_instances,
-                                    bool& moved);
+// Fills MeshInstance::past_transforms for the window. Returns true if an instance is elsewhere at a past sample
+// than at the first motion sample. Throws as find_mesh_instances().
+bool sample_past_transforms(const MarramFrame& frame, const Jiggle& jiggle, const JiggleWindow& window,
+                            std::span<MeshInstance> mesh_instances);
 
 // Transforms rest strands of the mesh to one of its instances. Does nothing if that is the mesh itself.
 // noise_at_bind_frame: noise is sampled where the strands are at the bind frame.

@@ -24,12 +24,12 @@ Surface PastSkin::at(int64_t past_sample, const MarramMesh& mesh) const {
 
 namespace {
 
-MarramStatus pose_at(const MarramFrame& frame, uint32_t mesh, double time, PastSkin::Pose& pose) {
+void pose_at(const MarramFrame& frame, uint32_t mesh, double time, PastSkin::Pose& pose) {
     const size_t size = 3 * size_t(frame.meshes[mesh].vertex_count);
     const bool smooth = frame.meshes[mesh].normals != nullptr;
     pose.positions.resize(size);
     pose.normals.resize(smooth ? size : 0);
-    return pose_lent_mesh(frame, mesh, time, pose.positions.data(), smooth ? pose.normals.data() : nullptr);
+    pose_lent_mesh(frame, mesh, time, pose.positions.data(), smooth ? pose.normals.data() : nullptr);
 }
 
 double farthest(const std::vector<float>& a, const std::vector<float>& b) {
@@ -44,31 +44,27 @@ double farthest(const std::vector<float>& a, const std::vector<float>& b) {
 
 } // namespace
 
-MarramStatus read_past(const MarramFrame& frame, uint32_t mesh, const Jiggle& jiggle, double length,
-                       PastSkin& past, double travel, const std::function<void(int64_t)>& announce) {
-    past = {};
+PastSkin read_past(const MarramFrame& frame, uint32_t mesh, const Jiggle& jiggle, double length,
+                   double travel, const std::function<void(int64_t)>& announce) {
+    PastSkin past;
     const std::span times(frame.times, frame.time_count);
     // The window grows with the logarithm of the skin's travel, so a rough estimate is enough.
     PastSkin::Pose now, then;
-    if (const MarramStatus status = pose_at(frame, mesh, times.front(), now); status != MARRAM_OK)
-        return status;
+    pose_at(frame, mesh, times.front(), now);
     for (const double back : {1.0, 4.0, 16.0, 64.0, 256.0}) {
-        if (const MarramStatus status = pose_at(frame, mesh, times.front() - back, then); status != MARRAM_OK)
-            return status;
+        pose_at(frame, mesh, times.front() - back, then);
         travel = std::max(travel, farthest(now.positions, then.positions));
     }
     past.window = jiggle_window(jiggle, times, frame.fps, 2.0 * length + travel, frame.tolerance);
     announce(past.window.count());
     for (int64_t past_sample = past.window.first; past_sample <= past.window.last; ++past_sample) {
-        if (const MarramStatus status = pose_at(frame, mesh, jiggle.frame_of(past_sample), then);
-            status != MARRAM_OK)
-            return status;
+        pose_at(frame, mesh, jiggle.frame_of(past_sample), then);
         if (past.poses.empty() || past.poses.back().positions != then.positions ||
             past.poses.back().normals != then.normals)
             past.poses.push_back(then);
         past.pose_of_sample.push_back(uint32_t(past.poses.size() - 1));
     }
-    return MARRAM_OK;
+    return past;
 }
 
 } // namespace marram

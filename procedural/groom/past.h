@@ -33,7 +33,7 @@ struct PastSkin {
 // upper bound of strand lengths, m. `travel`: of the skin's instances, by measure_travel(), m. Memory: 12
 // bytes per vertex (24 with normals) for each past sample at which the skin differs from the one before.
 // `announce` gets the number of past samples before they are read, which may take long.
-MarramStatus read_past(const MarramFrame& frame, uint32_t mesh, const Jiggle& jiggle, double length,
-                       PastSkin& past, double travel, const std::function<void(int64_t)>& announce);
+PastSkin read_past(const MarramFrame& frame, uint32_t mesh, const Jiggle& jiggle, double length,
+                   double travel, const std::function<void(int64_t)>& announce);
 
 } // namespace marram

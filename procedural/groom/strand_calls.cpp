@@ -24,16 +24,15 @@ std::vector<MarramParam> with_wind_params(std::span<const MarramParam> own) {
     return list;
 }
 
-MarramStatus set_gust_plane_once(const MarramHost& host, const MarramFrame& frame,
-                                 const Eigen::AlignedBox3d& strand_bounds, Wind& wind, GustStart& start) {
-    if (!wind.gusts || (start.fixed && (!start.follows_bounds || start.warned))) return MARRAM_OK;
+void set_gust_plane_once(const MarramHost& host, const MarramFrame& frame,
+                         const Eigen::AlignedBox3d& strand_bounds, Wind& wind, GustStart& start) {
+    if (!wind.gusts || (start.fixed && (!start.follows_bounds || start.warned))) return;
     Eigen::AlignedBox3d bounds;
     if (frame.mesh_count == 0) bounds = strand_bounds;
     std::vector<float> positions;
     for (uint32_t i = 0; i < frame.mesh_count; ++i) {
         positions.resize(3 * size_t(frame.meshes[i].vertex_count));
-        const MarramStatus status = pose_lent_mesh(frame, i, frame.bind_frame, positions.data(), nullptr);
-        if (status != MARRAM_OK) return status;
+        pose_lent_mesh(frame, i, frame.bind_frame, positions.data(), nullptr);
         for (size_t v = 0; v + 2 < positions.size(); v += 3)
             bounds.extend(Vec3d(double(positions[v]), double(positions[v + 1]), double(positions[v + 2])));
     }
@@ -55,7 +54,6 @@ MarramStatus set_gust_plane_once(const MarramHost& host, const MarramFrame& fram
                          gusts.extent->y(), *gusts.distance));
         start.warned = true;
     }
-    return MARRAM_OK;
 }
 
 bool moving_meshes_matter(const Wind& wind, const MarramFrame& frame) {
@@ -65,30 +63,7 @@ bool moving_meshes_matter(const Wind& wind, const MarramFrame& frame) {
     return false;
 }
 
-void check_buffers(const MarramPatchBuffers* buffers, uint32_t time_count, bool oriented,
-                   size_t attribute_count) {
-    if (buffers) check_size(buffers);
-    bool valid = buffers && buffers->vertices &&
-                 (buffers->attribute_count == 0 || (buffers->attributes && buffers->attribute_values));
-    for (uint32_t t = 0; valid && t < time_count; ++t) valid = buffers->vertices[t] != nullptr;
-    if (valid && oriented) {
-        valid = buffers->normals != nullptr;
-        for (uint32_t t = 0; valid && t < time_count; ++t) valid = buffers->normals[t] != nullptr;
-    }
-    for (uint32_t a = 0; valid && a < buffers->attribute_count; ++a) {
-        if (buffers->attributes[a] >= attribute_count)
-            throw SceneFault("contract.attribute_range", "",
-                             "there is no attribute " + std::to_string(buffers->attributes[a]),
-                             "ask for 0 to " + std::to_string(attribute_count - 1));
-        valid = buffers->attribute_values[a] != nullptr;
-    }
-    if (!valid)
-        throw SceneFault("contract.null_buffer", "", "a buffer is NULL",
-                         "give vertices for each motion sample, normals for oriented ribbons, and "
-                         "values for each attribute that is asked for");
-}
-
-CollisionCounts report_chain(Workers& workers, ReportSink sink, void* user, size_t& scratch) {
+CollisionCounts report_chain(Workers& workers, const ReportSink& sink, size_t& scratch) {
     StageClock sum;
     CollisionCounts counts;
     scratch = 0;
@@ -98,19 +73,19 @@ CollisionCounts report_chain(Workers& workers, ReportSink sink, void* user, size
         scratch += worker.strands.bytes() + worker.chain.past.bytes();
         for (const auto& pose : worker.chain.jiggled) scratch += pose.capacity() * sizeof(Wide3f);
     }
-    sink(user, "thread_seconds.expand", sum.expand + sum.write);
-    sink(user, "thread_seconds.gusts", sum.gusts);
-    sink(user, "thread_seconds.shield", sum.shield);
-    sink(user, "thread_seconds.jiggle", sum.jiggle);
-    sink(user, "thread_seconds.bend", sum.bend);
-    sink(user, "thread_seconds.collide", sum.collide);
-    sink(user, "collision.contacts", double(counts.contacts));
-    sink(user, "collision.pushed_out", double(counts.pushed_out));
-    sink(user, "collision.unresolved", double(counts.unresolved));
-    sink(user, "collision.targets_not_raised", double(counts.targets_not_raised));
-    sink(user, "collision.dips", double(counts.dips));
-    sink(user, "collision.goal_angle", counts.goal_angle);
-    sink(user, "collision.turned_angle", counts.turned_angle);
+    sink("thread_seconds.expand", sum.expand + sum.write);
+    sink("thread_seconds.gusts", sum.gusts);
+    sink("thread_seconds.shield", sum.shield);
+    sink("thread_seconds.jiggle", sum.jiggle);
+    sink("thread_seconds.bend", sum.bend);
+    sink("thread_seconds.collide", sum.collide);
+    sink("collision.contacts", double(counts.contacts));
+    sink("collision.pushed_out", double(counts.pushed_out));
+    sink("collision.unresolved", double(counts.unresolved));
+    sink("collision.targets_not_raised", double(counts.targets_not_raised));
+    sink("collision.dips", double(counts.dips));
+    sink("collision.goal_angle", counts.goal_angle);
+    sink("collision.turned_angle", counts.turned_angle);
     return counts;
 }
 

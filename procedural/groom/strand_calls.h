@@ -2,6 +2,7 @@
 // Shared code of the entry points of the procedurals that blow strands (groom, strands).
 #pragma once
 
+#include "procedural/border.h"
 #include "procedural/wind/chain.h"
 
 #include <tbb/enumerable_thread_specific.h>
@@ -26,9 +27,6 @@ struct ChosenFor {
     bool operator==(const ChosenFor&) const = default;
 };
 
-// Receives the entries of a report.
-using ReportSink = void (*)(void* user, const char* path, double value);
-
 // A procedural's own parameters, followed by the wind's as "wind.<name>". The names are static.
 std::vector<MarramParam> with_wind_params(std::span<const MarramParam> own);
 
@@ -44,19 +42,15 @@ struct GustStart {
 // later frame: an evolving terrain has no pose at bind_frame, so that frame rendered alone would have other
 // gusts. strand_bounds: used if there are no meshes. Poses all meshes, in later frames only if the start
 // follows their bounds.
-MarramStatus set_gust_plane_once(const MarramHost& host, const MarramFrame& frame,
-                                 const Eigen::AlignedBox3d& strand_bounds, Wind& wind, GustStart& start);
+void set_gust_plane_once(const MarramHost& host, const MarramFrame& frame,
+                         const Eigen::AlignedBox3d& strand_bounds, Wind& wind, GustStart& start);
 
 // True if meshes that move within the shutter affect the strands: by collision or by shielding.
 bool moving_meshes_matter(const Wind& wind, const MarramFrame& frame);
 
-// Throws SceneFault if a buffer of a patch is NULL or an attribute does not exist.
-void check_buffers(const MarramPatchBuffers* buffers, uint32_t time_count, bool oriented,
-                   size_t attribute_count);
-
 // Reports the times and counts of all threads. Returns the counts of collisions; `scratch`: memory of the
 // threads, bytes.
-CollisionCounts report_chain(Workers& workers, ReportSink sink, void* user, size_t& scratch);
+CollisionCounts report_chain(Workers& workers, const ReportSink& sink, size_t& scratch);
 
 // Warns of unresolved collisions and penetrations: how many, at which meshes, where, and what helps there. place: ""
 // or where the message points. skin: name of the mesh that strands grow on; "": none.

@@ -179,21 +179,4 @@ void write_ripples(const RipplesLayer& ripples, uint32_t which,
     }
 }
 
-void check_mesh_buffers(const TerrainInstance& instance, const MarramMeshBuffers* buffers) {
-    if (!instance.begun) throw SceneFault("contract.no_frame", "", "no frame has begun", "call begin first");
-    if (buffers) check_size(buffers);
-    bool there = buffers && buffers->positions && buffers->positions[0] && buffers->triangles &&
-                 (buffers->attribute_count == 0 || (buffers->attributes && buffers->attribute_values));
-    for (uint32_t a = 0; there && a < buffers->attribute_count; ++a) {
-        if (buffers->attributes[a] >= instance.attributes.size())
-            throw SceneFault("contract.attribute_range", "",
-                             "there is no attribute " + std::to_string(buffers->attributes[a]),
-                             "ask for 0 to " + std::to_string(instance.attributes.size() - 1));
-        there = buffers->attribute_values[a] != nullptr;
-    }
-    if (!there)
-        throw SceneFault("contract.null_buffer", "", "a buffer is NULL",
-                         "pass positions, triangles and a value buffer for each requested attribute");
-}
-
 } // namespace marram

@@ -36,9 +36,6 @@ void write_ripples(const RipplesLayer& ripples, uint32_t which,
                    std::span<const RipplesLayer::RippleInputs> carried, std::span<const float> share,
                    float* out);
 
-// Throws SceneFault if a buffer is missing or an attribute index is out of range.
-void check_mesh_buffers(const TerrainInstance& instance, const MarramMeshBuffers* buffers);
-
 // The render mesh of a view; implements begin_view() and view_mesh() of the contract. It is the mesh of
 // mesher.h, diced where ripples are displaced (dicing.h). write_view() ends the view that begin_view()
 // started. Same bits at any thread count.

@@ -33,12 +33,11 @@
 //
 // Cost: one layer takes about 10 ms of one core for 2 * 10^6 samples. Memory: 8 bytes a sample for each layer
 // that moves sand.
-#include "procedural/terrain/terrain.h"
-
 #include "core/math/clock.h"
 #include "procedural/border.h"
 #include "procedural/parallel.h"
 #include "procedural/terrain/surface.h"
+#include "procedural/terrain/terrain_instance.h"
 #include "procedural/wind/wind.h"
 
 #include <fmt/format.h>
@@ -48,16 +47,7 @@
 
 namespace marram {
 
-namespace {
-
-TerrainInstance& terrain(MarramInstance* instance) { return *reinterpret_cast<TerrainInstance*>(instance); }
-
-template <typename Body>
-MarramStatus guarded_terrain(const MarramHost& host, Body&& body) {
-    return marram::guarded(host, "terrain", "make cell larger or size smaller", std::forward<Body>(body));
-}
-
-const std::vector<MarramParam>& terrain_params() {
+const std::vector<MarramParam>& TerrainInstance::params() {
     static const std::vector<MarramParam> params = [] {
         std::vector<MarramParam> list = {
             {"size", MARRAM_VEC2, "m", "[100, 100]", 1e-3, 1e6, "",
@@ -81,45 +71,30 @@ const std::vector<MarramParam>& terrain_params() {
     return params;
 }
 
-// Stores checked values. If they are inconsistent it throws and changes nothing.
-void take_values(TerrainInstance& instance, std::span<const MarramValue> list) {
+std::span<const MarramItemType> TerrainInstance::item_types() { return layer_item_types(); }
+
+void TerrainInstance::take(std::span<const MarramValue> list) {
     StoredValues stored(list);
-    const Values values(stored.all());
-    const Domain domain = read_domain(values);
-    mask_names(values); // throws if a layer type is unknown
-    evolves(values);    // throws if two layers evolve
-    Digest digest;
-    for (const MarramValue& value : list) add_value(digest, value);
-    if (!instance.stack || !(domain == instance.domain)) instance.stack = std::make_unique<Stack>(domain);
-    instance.domain = domain;
-    instance.digest = digest.value();
-    instance.values = std::move(stored);
-    declare_attributes(instance, Values(instance.values.all()));
-    instance.begun = false;
+    const Values given(stored.all());
+    const Domain described = read_domain(given);
+    mask_names(given); // throws if a layer type is unknown
+    evolves(given);    // throws if two layers evolve
+    if (!stack || !(described == domain)) stack = std::make_unique<Stack>(described);
+    domain = described;
+    digest = digest_of_values(list);
+    values = std::move(stored);
+    declare_attributes(*this, Values(values.all()));
+    begun = false;
 }
 
-MarramStatus create_terrain(const MarramHost* host, const MarramValues* values, MarramInstance** out) {
-    if (!can_create(host, out)) return MARRAM_ERROR;
-    const MarramHost known = known_part(host);
-    return guarded_terrain(known, [&] {
-        return create_instance<TerrainInstance>(known, values, out, terrain_params(), take_values,
-                                                layer_item_types());
-    });
+uint32_t TerrainInstance::update(std::span<const MarramValue> list, uint32_t inputs) {
+    const uint64_t before = digest;
+    take(list);
+    // Topology counts as changed: the triangle count is constant, but diagonals follow the ridges.
+    return digest == before && inputs == MARRAM_NOTHING ? MARRAM_NOTHING : MARRAM_EVERYTHING;
 }
 
-MarramStatus update_terrain(MarramInstance* opaque, const MarramUpdate* given, uint32_t* changed) {
-    if (!opaque) return MARRAM_ERROR; // no host to report to
-    TerrainInstance& instance = terrain(opaque);
-    return guarded_terrain(instance.host, [&] {
-        const auto take = [&](std::span<const MarramValue> list, uint32_t inputs) -> uint32_t {
-            const uint64_t before = instance.digest;
-            take_values(instance, list);
-            // Topology counts as changed: the triangle count is constant, but diagonals follow the ridges.
-            return instance.digest == before && inputs == MARRAM_NOTHING ? MARRAM_NOTHING : MARRAM_EVERYTHING;
-        };
-        return update_instance(instance.host, given, changed, terrain_params(), take, layer_item_types());
-    });
-}
+namespace {
 
 // ---- outputs ----
 
@@ -200,8 +175,7 @@ bool evaluate_layers(TerrainInstance& instance, const MarramFrame& frame,
                      std::span<const MarramMesh> meshes) {
     try {
         set_layers(instance, frame, meshes);
-        const bool whole =
-            instance.stack->evaluate([&] { return instance.host.cancelled(instance.host.user) != 0; });
+        const bool whole = instance.stack->evaluate([&] { return instance.cancelled(); });
         for (const Stack::Work& work : instance.stack->work()) instance.evaluated += uint64_t(work.tiles);
         return whole;
     } catch (const std::bad_alloc&) {
@@ -214,7 +188,7 @@ bool evaluate_layers(TerrainInstance& instance, const MarramFrame& frame,
 
 // A digest of all that mesh() outputs: of the terrain's values, its layers with their inputs, and the number of
 // tiles evaluated so far.
-uint64_t output_digest(const TerrainInstance& instance) {
+uint64_t digest_of_output(const TerrainInstance& instance) {
     return Digest().add(instance.digest).add(instance.stack->digest()).add(instance.evaluated).value() | 1U;
 }
 
@@ -228,33 +202,6 @@ void send_warnings(const TerrainInstance& instance) {
                      warning.remedy);
 }
 
-// If a layer evolves, evaluates the layers with access to stored states. begin() then finds them up to date.
-MarramStatus prepare_terrain(MarramInstance* opaque, const MarramFrame* given, const MarramStates* states) {
-    if (!opaque) return MARRAM_ERROR; // no host to report to
-    TerrainInstance& instance = terrain(opaque);
-    return guarded_terrain(instance.host, [&] {
-        if (!evolves(Values(instance.values.all()))) return MARRAM_OK;
-        if (!states || !states->load || !states->store)
-            throw SceneFault("contract.null_states", "", "the states are NULL",
-                             "pass functions that load and store");
-        std::vector<MarramMesh> meshes;
-        const MarramFrame frame = borrowed_frame(given, meshes);
-        const MarramStates known = known_part(states);
-        const double begin = wall_seconds();
-        struct Lent {
-            Simulation& to;
-            ~Lent() { to.states = nullptr; }
-        } const lent{instance.simulation};
-        instance.simulation = {&instance.host, &known, false};
-        const bool whole = evaluate_layers(instance, frame, meshes);
-        send_warnings(instance);
-        instance.prepared = wall_seconds() - begin;
-        instance.prepared_work = instance.stack->work();
-        if (instance.simulation.failed) return MARRAM_ERROR; // already reported to the host
-        return whole ? MARRAM_OK : MARRAM_CANCELLED;
-    });
-}
-
 void sum_work(TerrainInstance& instance) {
     instance.work = instance.stack->work();
     const std::vector<Stack::Work> before = std::exchange(instance.prepared_work, {});
@@ -262,98 +209,6 @@ void sum_work(TerrainInstance& instance) {
         instance.work[k].tiles += before[k].tiles;
         instance.work[k].seconds += before[k].seconds;
     }
-}
-
-MarramStatus begin_terrain(MarramInstance* opaque, const MarramFrame* given, MarramOutput* out) {
-    if (!opaque) return MARRAM_ERROR; // no host to report to
-    TerrainInstance& instance = terrain(opaque);
-    return guarded_terrain(instance.host, [&] {
-        if (!out)
-            throw SceneFault("contract.null_output", "", "the output is NULL", "pass a non-NULL pointer");
-        instance.begun = false;
-        instance.seen = {};
-        instance.view.begun = false;
-        std::vector<MarramMesh> meshes;
-        const MarramFrame frame = borrowed_frame(given, meshes);
-        const double begin = wall_seconds();
-        const bool whole = evaluate_layers(instance, frame, meshes);
-        send_warnings(instance);
-        if (!whole) return MARRAM_CANCELLED;
-        find_heights(instance);
-        instance.output_digest = output_digest(instance);
-        instance.seconds = wall_seconds() - begin + std::exchange(instance.prepared, 0.0);
-        sum_work(instance);
-        const Domain& d = instance.domain;
-        MarramOutput output{};
-        output.kind = MARRAM_MESH;
-        output.time_count = 1;
-        output.vertex_count = uint32_t(d.count());
-        output.triangle_count = uint32_t(2 * size_t(d.nx - 1) * size_t(d.nz - 1));
-        output.has_uvs = 1;
-        output.digest = instance.output_digest;
-        fill_known_part(output, out);
-        instance.begun = true;
-        return MARRAM_OK;
-    });
-}
-
-MarramStatus mesh_terrain(MarramInstance* opaque, MarramMeshBuffers* buffers) {
-    if (!opaque) return MARRAM_ERROR; // no host to report to
-    TerrainInstance& instance = terrain(opaque);
-    return guarded_terrain(instance.host, [&] {
-        check_mesh_buffers(instance, buffers);
-        write_vertices(instance, {}, buffers->positions[0], nullptr, buffers->uvs);
-        write_triangles(instance, buffers->triangles);
-        for (uint32_t a = 0; a < buffers->attribute_count; ++a)
-            write_attribute(instance, buffers->attributes[a], {}, buffers->attribute_values[a]);
-        list_grids(instance);
-        buffers->grids = instance.grids.data();
-        buffers->grid_count = uint32_t(instance.grids.size());
-        buffers->grid_stride = sizeof(MarramGrid);
-        return MARRAM_OK;
-    });
-}
-
-// ---- the view-dependent render mesh ----
-
-MarramStatus begin_view_of_terrain(MarramInstance* opaque, const MarramView* given, MarramOutput* out) {
-    if (!opaque) return MARRAM_ERROR; // no host to report to
-    TerrainInstance& instance = terrain(opaque);
-    return guarded_terrain(instance.host, [&] {
-        if (!given || !out)
-            throw SceneFault("contract.null_view", "", "the view or the output is NULL", "pass both");
-        if (!instance.begun)
-            throw SceneFault("contract.no_frame", "", "no frame has begun", "call begin first");
-        const MarramView view = known_part(given);
-        if (const ContractFault fault = view_fault(view); !fault.what.empty())
-            throw SceneFault("contract.view", fault.place, fault.what, fault.remedy);
-        fill_known_part(begin_view(instance, view), out);
-        return MARRAM_OK;
-    });
-}
-
-MarramStatus view_mesh_of_terrain(MarramInstance* opaque, MarramMeshBuffers* buffers) {
-    if (!opaque) return MARRAM_ERROR; // no host to report to
-    TerrainInstance& instance = terrain(opaque);
-    return guarded_terrain(instance.host, [&] {
-        if (!instance.view.begun)
-            throw SceneFault("contract.no_view", "", "no view has begun", "call begin_view first");
-        check_mesh_buffers(instance, buffers);
-        write_view(instance, *buffers);
-        return MARRAM_OK;
-    });
-}
-
-MarramStatus attributes_of_terrain(MarramInstance* opaque, MarramAttributeList* out) {
-    if (!opaque) return MARRAM_ERROR; // no host to report to
-    TerrainInstance& instance = terrain(opaque);
-    return guarded_terrain(instance.host, [&] {
-        if (!out) throw SceneFault("contract.null_list", "", "the list is NULL", "pass a non-NULL pointer");
-        const MarramAttributeList list{sizeof(MarramAttributeList), instance.attributes.data(),
-                                       uint32_t(instance.attributes.size()), sizeof(MarramAttribute)};
-        fill_known_part(list, out);
-        return MARRAM_OK;
-    });
 }
 
 LayerChange change_of_layer(const TerrainInstance& instance, size_t layer) {
@@ -395,83 +250,98 @@ void update_totals(TerrainInstance& instance) {
     sums.digest = instance.output_digest;
 }
 
-void report_terrain(MarramInstance* opaque, void (*sink)(void*, const char*, double), void* user) {
-    if (!opaque || !sink) return;
-    TerrainInstance& instance = terrain(opaque);
-    if (!instance.begun) return;
-    update_totals(instance);
-    const Stack& stack = *instance.stack;
-    const double area = instance.domain.cell * instance.domain.cell;
-    const std::vector<Stack::Work>& work = instance.work;
+} // namespace
+
+bool TerrainInstance::prepares() const { return evolves(Values(values.all())); }
+
+// Evaluates the layers with access to stored states. begin() then finds them up to date.
+void TerrainInstance::prepare(const LentFrame& lent, const MarramStates* states) {
+    if (!states)
+        throw SceneFault("contract.null_states", "", "the states are NULL",
+                         "pass functions that load and store");
+    const double start = wall_seconds();
+    struct Lent {
+        Simulation& to;
+        ~Lent() { to.states = nullptr; }
+    } const lent_states{simulation};
+    simulation = {&host, states, false};
+    const bool whole = evaluate_layers(*this, lent.frame, lent.meshes);
+    send_warnings(*this);
+    prepared = wall_seconds() - start;
+    prepared_work = stack->work();
+    if (simulation.failed) throw Reported();
+    if (!whole) throw Cancelled();
+}
+
+MarramOutput TerrainInstance::begin(const LentFrame& lent) {
+    seen = {};
+    view.begun = false;
+    const double start = wall_seconds();
+    const bool whole = evaluate_layers(*this, lent.frame, lent.meshes);
+    send_warnings(*this);
+    if (!whole) throw Cancelled();
+    find_heights(*this);
+    output_digest = digest_of_output(*this);
+    seconds = wall_seconds() - start + std::exchange(prepared, 0.0);
+    sum_work(*this);
+    MarramOutput output{};
+    output.kind = MARRAM_MESH;
+    output.time_count = 1;
+    output.vertex_count = uint32_t(domain.count());
+    output.triangle_count = uint32_t(2 * size_t(domain.nx - 1) * size_t(domain.nz - 1));
+    output.has_uvs = 1;
+    output.digest = output_digest;
+    return output;
+}
+
+void TerrainInstance::mesh(MarramMeshBuffers& buffers) {
+    write_vertices(*this, {}, buffers.positions[0], nullptr, buffers.uvs);
+    write_triangles(*this, buffers.triangles);
+    for (uint32_t a = 0; a < buffers.attribute_count; ++a)
+        write_attribute(*this, buffers.attributes[a], {}, buffers.attribute_values[a]);
+    list_grids(*this);
+    buffers.grids = grids.data();
+    buffers.grid_count = uint32_t(grids.size());
+    buffers.grid_stride = sizeof(MarramGrid);
+}
+
+MarramOutput TerrainInstance::begin_view(const MarramView& given) { return marram::begin_view(*this, given); }
+
+void TerrainInstance::view_mesh(MarramMeshBuffers& buffers) { write_view(*this, buffers); }
+
+void TerrainInstance::report(const ReportSink& sink) {
+    update_totals(*this);
+    const double area = domain.cell * domain.cell;
     int tiles = 0;
     double sand = 0.0;
     for (size_t k = 0; k < work.size(); ++k) {
-        const std::string path = fmt::format("terrain.layer[{}].{}.", k, stack.type(k));
-        const LayerChange& change = instance.sums.layers[k];
+        const std::string path = fmt::format("terrain.layer[{}].{}.", k, stack->type(k));
+        const LayerChange& change = sums.layers[k];
         tiles += work[k].tiles;
         sand += sand_metres(change.sand) * area;
-        sink(user, (path + "highest_change").c_str(), change.highest);
-        sink(user, (path + "sand").c_str(), sand_metres(change.sand) * area);
-        sink(user, (path + "seconds").c_str(), work[k].seconds);
-        for (const auto& [name, value] : stack.layer(k).report()) sink(user, (path + name).c_str(), value);
-        for (const auto& [name, value] : stack.notes(k).numbers) sink(user, (path + name).c_str(), value);
+        sink(path + "highest_change", change.highest);
+        sink(path + "sand", sand_metres(change.sand) * area);
+        sink(path + "seconds", work[k].seconds);
+        for (const auto& [entry, value] : stack->layer(k).report()) sink(path + entry, value);
+        for (const auto& [entry, value] : stack->notes(k).numbers) sink(path + entry, value);
     }
-    sink(user, "terrain.samples", double(instance.domain.count()));
-    sink(user, "terrain.bytes", double(stack.bytes() + instance.heights.size() * sizeof(float)));
-    sink(user, "terrain.sand", sand);
-    sink(user, "terrain.steepest", instance.sums.steepest);
-    sink(user, "terrain.tiles", tiles);
-    sink(user, "terrain.seconds", instance.seconds);
+    sink("terrain.samples", double(domain.count()));
+    sink("terrain.bytes", double(stack->bytes() + heights.size() * sizeof(float)));
+    sink("terrain.sand", sand);
+    sink("terrain.steepest", sums.steepest);
+    sink("terrain.tiles", tiles);
+    sink("terrain.seconds", seconds);
 }
 
-MarramStatus describe_terrain(MarramInstance* opaque, void (*sink)(void*, const char*), void* user) {
-    if (!opaque) return MARRAM_ERROR; // no host to report to
-    const TerrainInstance& instance = terrain(opaque);
-    return guarded_terrain(instance.host, [&] {
-        if (!sink) throw SceneFault("contract.null_sink", "", "the sink is NULL", "pass a function");
-        if (!instance.begun)
-            throw SceneFault("contract.no_frame", "", "no frame has begun", "call begin first");
-        for (size_t k = 0; k < instance.stack->work().size(); ++k)
-            if (const std::string text = instance.stack->layer(k).described(k, instance.stack->fields(k));
-                !text.empty())
-                sink(user, text.c_str());
-        return MARRAM_OK;
-    });
+std::vector<std::string> TerrainInstance::described() const {
+    std::vector<std::string> texts;
+    for (size_t k = 0; k < stack->work().size(); ++k)
+        if (std::string text = stack->layer(k).described(k, stack->fields(k)); !text.empty())
+            texts.push_back(std::move(text));
+    return texts;
 }
 
-void destroy_terrain(MarramInstance* opaque) {
-    delete reinterpret_cast<TerrainInstance*>(opaque);
-} // NULL is fine
-
-} // namespace
-
-MarramProcedural terrain_procedural() {
-    MarramProcedural procedural{};
-    procedural.name = "terrain";
-    procedural.help = "a desert as a stack of layers: rock, dunes, masks";
-    procedural.kind = MARRAM_MESH;
-    procedural.params = terrain_params().data();
-    procedural.param_count = uint32_t(terrain_params().size());
-    procedural.param_stride = sizeof(MarramParam);
-    procedural.item_types = layer_item_types().data();
-    procedural.item_type_count = uint32_t(layer_item_types().size());
-    procedural.item_type_stride = sizeof(MarramItemType);
-    procedural.attribute_stride = sizeof(MarramAttribute);
-    procedural.create = create_terrain;
-    procedural.prepare = prepare_terrain;
-    procedural.begin = begin_terrain;
-    procedural.mesh = mesh_terrain;
-    procedural.report = report_terrain;
-    procedural.destroy = destroy_terrain;
-    procedural.attributes_of = attributes_of_terrain;
-    procedural.update = update_terrain;
-    procedural.begin_view = begin_view_of_terrain;
-    procedural.view_mesh = view_mesh_of_terrain;
-    procedural.describe = describe_terrain;
-    return procedural;
-}
-
-std::span<const MarramReportEntry> terrain_report_entries() {
+std::span<const MarramReportEntry> TerrainInstance::report_entries() {
     static constexpr std::array entries = {
         MarramReportEntry{"terrain.samples", "count", MARRAM_SUM, nullptr, nullptr, "samples of the grids"},
         MarramReportEntry{"terrain.bytes", "bytes", MARRAM_SUM, nullptr, nullptr, "kept by the layers"},

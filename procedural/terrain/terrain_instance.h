@@ -2,6 +2,7 @@
 // One terrain between create and destroy.
 #pragma once
 
+#include "procedural/border.h"
 #include "procedural/terrain/dicing.h"
 #include "procedural/terrain/layer_types.h"
 #include "procedural/terrain/simulation.h"
@@ -44,8 +45,7 @@ struct TerrainTotals {
     double steepest = 0.0; // degrees
 };
 
-struct TerrainInstance {
-    MarramHost host{};
+struct TerrainInstance : Instance {
     StoredValues values;
     uint64_t digest = 0; // of the values
     Domain domain;
@@ -57,7 +57,6 @@ struct TerrainInstance {
     ViewRenderMesh seen;
     TerrainView view;
     TerrainTotals sums;
-    bool begun = false;
     double seconds = 0.0, prepared = 0.0; // of the last begin(), and of the prepare() before it
     // Of the layers, likewise: begin() finds up to date what prepare() has evaluated.
     std::vector<Stack::Work> work, prepared_work;
@@ -67,6 +66,26 @@ struct TerrainInstance {
     std::vector<std::string> grid_names;
     std::vector<std::vector<float>> grid_values; // sand, converted to floats
     std::vector<MarramGrid> grids;
+
+    // The members that entry_points.h asks for (terrain.cpp).
+    static constexpr const char *name = "terrain",
+                                *help = "a desert as a stack of layers: rock, dunes, masks";
+    static constexpr const char* less = "make cell larger or size smaller";
+    static const std::vector<MarramParam>& params();
+    static std::span<const MarramItemType> item_types();
+    static std::span<const MarramReportEntry> report_entries();
+    std::span<const MarramAttribute> attribute_list() const { return attributes; }
+    void take(std::span<const MarramValue> list);
+    uint32_t update(std::span<const MarramValue> list, uint32_t inputs);
+    bool prepares() const;
+    void prepare(const LentFrame& lent, const MarramStates* states);
+    MarramOutput begin(const LentFrame& lent);
+    void mesh(MarramMeshBuffers& buffers);
+    MarramOutput begin_view(const MarramView& given);
+    bool view_begun() const { return view.begun; }
+    void view_mesh(MarramMeshBuffers& buffers);
+    void report(const ReportSink& sink);
+    std::vector<std::string> described() const;
 };
 
 // The domain given by the parameters size, cell and center. Throws SceneFault if it has too few or too many

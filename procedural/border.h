@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The border to C, as seen by a procedural: what the host lends, checked, and exceptions turned into messages.
-// entry_points.h makes a procedural's entry points on top of it.
+// The border to C, as seen by a procedural: what the host lends, checked, and exceptions turned into
+// messages. entry_points.h makes a procedural's entry points on top of it.
 #pragma once
 
 #include "core/math/digest.h"
@@ -109,7 +109,8 @@ inline uint64_t digest_of_values(std::span<const MarramValue> values) {
     return digest.value();
 }
 
-// The values that the host passes. All their faults are reported to the host; if there are any, throws Reported.
+// The values that the host passes. All their faults are reported to the host; if there are any, throws
+// Reported.
 inline std::vector<MarramValue> checked_values(const MarramHost& host, const MarramValues* given,
                                                std::span<const MarramParam> params,
                                                std::span<const MarramItemType> items) {
@@ -152,8 +153,8 @@ inline LentFrame lent_frame(const MarramFrame* given) {
     return lent;
 }
 
-// Poses a mesh of a lent frame at any time with MarramFrame.pose. Throws SceneFault if the host fails or returns
-// numbers that are not finite, Cancelled if it is cancelled.
+// Poses a mesh of a lent frame at any time with MarramFrame.pose. Throws SceneFault if the host fails or
+// returns numbers that are not finite, Cancelled if it is cancelled.
 inline void pose_lent_mesh(const MarramFrame& frame, uint32_t mesh, double time, float* positions,
                            float* normals) {
     const MarramStatus status = frame.pose(frame.pose_user, mesh, time, positions, normals);
@@ -190,8 +191,8 @@ inline Eigen::Affine3d place_lent_instance(const MarramFrame& frame, uint32_t me
     return placed;
 }
 
-// Poses some curves of a lent frame at any time with MarramFrame.pose_curves, which must not be NULL. Throws as
-// pose_lent_mesh().
+// Poses some curves of a lent frame at any time with MarramFrame.pose_curves, which must not be NULL. Throws
+// as pose_lent_mesh().
 inline void pose_lent_curves(const MarramFrame& frame, uint32_t curves, double time, uint64_t first_curve,
                              uint64_t curve_count, std::span<float> vertices) {
     const MarramStatus status =

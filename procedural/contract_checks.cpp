@@ -360,8 +360,8 @@ struct Probe {
     double half_length = 0.0; // length, m
 };
 
-// Through the last triangle of a usable size: if the host attached quads, its number differs from the primitive's. Empty
-// if there is none.
+// Through the last triangle of a usable size: if the host attached quads, its number differs from the
+// primitive's. Empty if there is none.
 std::optional<Probe> probe_of(const MarramMesh& mesh) {
     constexpr double least_shape = 1e-3; // area over the square of the longest side
     constexpr double least_size = 1e-3;  // relative to the coordinates, whose floats resolve 1e-7
@@ -382,8 +382,8 @@ std::optional<Probe> probe_of(const MarramMesh& mesh) {
 
 enum class ProbeResult { found, missing, instance };
 
-// True if a lent mesh with the hit's geometry ID has the hit triangle at the point, and if no mesh is lent by this ID,
-// which cannot be judged.
+// True if a lent mesh with the hit's geometry ID has the hit triangle at the point, and if no mesh is lent by
+// this ID, which cannot be judged.
 bool has_triangle_at(std::span<const MarramMesh> meshes, const RTCHit& hit, const Vec3d& point,
                      double tolerance) {
     bool none = true;
@@ -397,8 +397,8 @@ bool has_triangle_at(std::span<const MarramMesh> meshes, const RTCHit& hit, cons
     return none;
 }
 
-// Traces the probe, past surfaces in front of the triangle. Another lent mesh in the same place counts as found. Gives
-// up after 16 hits, and returns found.
+// Traces the probe, past surfaces in front of the triangle. Another lent mesh in the same place counts as
+// found. Gives up after 16 hits, and returns found.
 ProbeResult find_triangle(RTCScene scene, std::span<const MarramMesh> meshes, const MarramMesh& mesh,
                           const Probe& probe) {
     constexpr int most_hits = 16;

@@ -28,8 +28,8 @@ std::vector<ContractFault> value_faults(std::span<const MarramParam> params,
 // Returns the first fault of a frame; `what` is "" if there is none. Faults: null pointers, motion samples
 // that are not 1 to 64 equally spaced numbers, meshes without positions or triangles, vertex indices out of
 // range, coordinates that Embree would drop, curves whose offsets do not ascend, colliders of another
-// RTCDevice, not committed, without one of the meshes, or with an instance in its place. For the last two, one ray is
-// traced through one triangle of each mesh.
+// RTCDevice, not committed, without one of the meshes, or with an instance in its place. For the last two,
+// one ray is traced through one triangle of each mesh.
 ContractFault frame_fault(const MarramFrame& frame, std::span<const MarramMesh> meshes,
                           std::span<const MarramCurves> curves);
 

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // The library's entry point. Its table maps the type names of scene files to procedurals.
 //
-// To add a procedural: write a class with the members that entry_points.h asks for, in a folder of its own, and add
-// it to the list below.
+// To add a procedural: write a class with the members that entry_points.h asks for, in a folder of its own,
+// and add it to the list below.
 #include "procedural/entry_points.h"
 #include "procedural/erosion/rock_instance.h"
 #include "procedural/groom/groom_instance.h"

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// Parallel loops: on the host's task executor (MarramHost.parallel_for) if it has one, else on TBB. All loops of the
-// library use these functions, and give the same result with any executor and number of threads.
+// Parallel loops: on the host's task executor (MarramHost.parallel_for) if it has one, else on TBB. All loops
+// of the library use these functions, and give the same result with any executor and number of threads.
 //
-// Exceptions: the first that a body throws is rethrown when all tasks have returned; tasks that start after it do
-// nothing. Loops may be nested. Only OpenVDB's own loops (rock with erosion) always run on TBB, and builds of Embree's
-// scenes on the threads of their RTCDevice.
+// Exceptions: the first that a body throws is rethrown when all tasks have returned; tasks that start after
+// it do nothing. Loops may be nested. Only OpenVDB's own loops (rock with erosion) always run on TBB, and
+// builds of Embree's scenes on the threads of their RTCDevice.
 #pragma once
 
 #include "procedural/values.h"
@@ -44,8 +44,8 @@ class ExecutorScope {
 // A loop is split into at most this many tasks: enough to balance the load, and few against their overhead.
 inline constexpr uint64_t most_tasks = 256;
 
-// Runs body(i) for i below count, at most most_tasks, as tasks of the host's executor. Throws SceneFault if the host
-// leaves some out.
+// Runs body(i) for i below count, at most most_tasks, as tasks of the host's executor. Throws SceneFault if
+// the host leaves some out.
 template <typename Body>
 void run_tasks(const MarramHost& host, uint64_t count, const Body& body) {
     struct Loop {

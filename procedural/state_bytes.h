@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The bytes of a state that a host keeps (MarramStates): numbers, plain structs without padding, and lists of these,
-// in the order in which they were added.
+// The bytes of a state that a host keeps (MarramStates): numbers, plain structs without padding, and lists of
+// these, in the order in which they were added.
 #pragma once
 
 #include <cstdint>

@@ -1,15 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
 // Composition of the air
 //
-// Molecules: vertical optical depth by Bodhaine et al., "On Rayleigh Optical Depth Calculations", 1999, equation 30,
+// Molecules: vertical optical depth by Bodhaine et al., "On Rayleigh Optical Depth Calculations", 1999,
+// equation 30,
 //   which falls about as wavelength^-4; density exp(-h / 8.45 km), 8.45 km being that paper's column of molecules over
 //   its density at sea level. Phase 3 (1 + c^2) / (16 pi): the 3 % of depolarisation are neglected.
-// Aerosol: depth falls as wavelength^-1.3 (Angstrom, "The Parameters of Atmospheric Turbidity", 1964); density
+// Aerosol: depth falls as wavelength^-1.3 (Angstrom, "The Parameters of Atmospheric Turbidity", 1964);
+// density
 //   exp(-h / 1.2 km). Hess et al., "Optical Properties of Aerosols and Clouds: The Software Package OPAC",
 //   1998, give continental air a single scattering albedo of 0.925 and a mean cosine of 0.703. The phase
 //   function has that mean cosine: two lobes of Henyey and Greenstein, 1941; the narrow one is for coarse
 //   dust. Its weight of 0.1 and mean cosine of 0.9 are our choice: they give an aureole of about 5 degrees.
-// Ozone: only absorbs. Cross-sections of the Chappuis band at 223 K, means over our bands, after Gorshelev et al.,
+// Ozone: only absorbs. Cross-sections of the Chappuis band at 223 K, means over our bands, after Gorshelev et
+// al.,
 //   "High Spectral Resolution Ozone Absorption Cross-Sections", 2014; density is a tent from 10 to 40 km.
 // There is no refraction: a sun at the horizon is half a degree lower here than on earth.
 //

@@ -65,7 +65,8 @@ struct Path {
     Spectrum transmittance = Spectrum::Ones(); // along the whole path
 };
 
-// Radiance is by_air rayleigh_phase(c) + by_aerosol aerosol_phase(c) + rest; c is the cosine between view and sun.
+// Radiance is by_air rayleigh_phase(c) + by_aerosol aerosol_phase(c) + rest; c is the cosine between view and
+// sun.
 struct Scattered {
     Spectrum by_air = Spectrum::Zero(), by_aerosol = Spectrum::Zero(); // single scattering
     Spectrum rest = Spectrum::Zero();                                  // multiple scattering and ground

@@ -73,7 +73,8 @@ struct BsdfSample {
 //   tint = "gust"
 //   tint_color = [0.9, 0.2, 0.05]
 //
-// In a scene: scenes/run scenes/golden/fur.toml --set 'material.fur.tint="id"' --set 'material.fur.tint_color=[0.1,0.3,0.9]'
+// In a scene: scenes/run scenes/golden/fur.toml --set 'material.fur.tint="id"' --set
+// 'material.fur.tint_color=[0.1,0.3,0.9]'
 //
 // Strands have attributes, and so do meshes from procedurals; on other meshes a tint is an error.
 struct StrandColor {
@@ -87,8 +88,8 @@ struct StrandColor {
     std::optional<Wrap> map_wrap; // none: auto
 };
 
-// The colour parameters of every shader: color_map, map_scale, map_wrap, root_color, tip_color, variation, tint,
-// tint_color.
+// The colour parameters of every shader: color_map, map_scale, map_wrap, root_color, tip_color, variation,
+// tint, tint_color.
 std::vector<ParamSpec> strand_color_params();
 // Throws InputError if the image cannot be read.
 StrandColor read_strand_color(const ParamSet& params, const TextureOpener& open);

@@ -17,8 +17,8 @@ enum class Wrap : unsigned char { clamp, repeat };
 class Texture {
   public:
     virtual ~Texture() = default;
-    // The mean over a square of side `width` (uv) around `uv`; v points up. Values are in [0, 1]; images with one channel
-    // give grey. Thread-safe.
+    // The mean over a square of side `width` (uv) around `uv`; v points up. Values are in [0, 1]; images with
+    // one channel give grey. Thread-safe.
     virtual Vec3f at(const Vec2f& uv, float width, Wrap wrap) const = 0;
 };
 

@@ -105,7 +105,8 @@ void end_for_lack_of_memory_or_threads() {
 
 void return_large_blocks_when_freed() { mallopt(M_MMAP_THRESHOLD, 1 << 20); }
 
-// TBB's containers and aligned vectors have an allocator of their own, which keeps what is freed for the thread that freed it.
+// TBB's containers and aligned vectors have an allocator of their own, which keeps what is freed for the
+// thread that freed it.
 void release_free_memory() {
     scalable_allocation_command(TBBMALLOC_CLEAN_ALL_BUFFERS, nullptr);
     malloc_trim(0);

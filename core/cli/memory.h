@@ -18,9 +18,9 @@ void release_free_memory();
 
 // From this call on, a lack of memory that no caller can report (in a library's initialiser, in a thread of a
 // library, a null pointer that a library does not check) ends the process with one line and exit code 2.
-// Other crashes are not affected. A stack of less than 1 MiB is enlarged or, where that is not allowed, ends the process
-// likewise. main.cpp calls it before the initialisers of shared libraries run, so it
-// must not depend on any of them.
+// Other crashes are not affected. A stack of less than 1 MiB is enlarged or, where that is not allowed, ends
+// the process likewise. main.cpp calls it before the initialisers of shared libraries run, so it must not
+// depend on any of them.
 void watch_for_lack_of_memory();
 
 // Prints that memory has run out, removes temporary files and ends the process with exit code 2. Exit
@@ -28,7 +28,8 @@ void watch_for_lack_of_memory();
 // in about one of three cases).
 [[noreturn]] void end_for_lack_of_memory();
 
-// The same after is_lack_of_memory(): that of a thread may come from the limit on processes, and is then called so.
+// The same after is_lack_of_memory(): that of a thread may come from the limit on processes, and is then
+// called so.
 [[noreturn]] void end_for_lack_of_memory_or_threads();
 
 // Whether an error means lack of memory: std::bad_alloc, or a thread that could not be started for lack of

@@ -32,8 +32,8 @@ void keep_error() {
 void open_standard_streams() {
     for (int wanted = STDIN_FILENO; wanted <= STDERR_FILENO; ++wanted) {
         if (::fcntl(wanted, F_GETFD) >= 0) continue;
-        // Standard output is opened for reading: writing to it must still fail, and be reported. A folder does
-        // where there is no /dev/null.
+        // Standard output is opened for reading: writing to it must still fail, and be reported. A folder
+        // does where there is no /dev/null.
         const int mode = wanted == STDERR_FILENO ? O_RDWR : O_RDONLY;
         int opened = ::open("/dev/null", mode);
         if (opened < 0) opened = ::open("/", O_RDONLY);

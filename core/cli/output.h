@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the program prints. Messages (warnings, errors, progress) go to standard error, results (names of files,
-// texts that were asked for) to standard output. Neither ends a run: a frame is worth more than a line about it.
+// What the program prints. Messages (warnings, errors, progress) go to standard error, results (names of
+// files, texts that were asked for) to standard output. Neither ends a run: a frame is worth more than a line
+// about it.
 #pragma once
 
 #include <fmt/format.h>
@@ -12,8 +13,9 @@ namespace marram {
 
 struct Problem;
 
-// Opens those of the descriptors 0, 1 and 2 that are closed. Otherwise the next file that the program opens gets
-// the number, and what is printed ends up in it. Uses only system calls, so it may run before all initialisers.
+// Opens those of the descriptors 0, 1 and 2 that are closed. Otherwise the next file that the program opens
+// gets the number, and what is printed ends up in it. Uses only system calls, so it may run before all
+// initialisers.
 void open_standard_streams();
 
 // Writes to standard error. A failed write (a full disk, a closed pipe) is ignored.
@@ -41,8 +43,8 @@ void keep_running_without_reader();
 // Passes on what write_result() has buffered: an interrupt may end the process before a later flush.
 void flush_results();
 
-// Flushes. Throws InputError if a result could not be written. If its reader has closed the pipe, as `head` does,
-// the process ends by SIGPIPE, as shells expect. Call it once all files are written.
+// Flushes. Throws InputError if a result could not be written. If its reader has closed the pipe, as `head`
+// does, the process ends by SIGPIPE, as shells expect. Call it once all files are written.
 void check_results();
 
 } // namespace marram

@@ -15,7 +15,8 @@ namespace {
 constexpr int bar_width = 30;
 constexpr auto interval = std::chrono::milliseconds(100);
 
-// `fraction_done`: the fraction done during `elapsed`. It is less than `fraction` if a phase was resumed from a file.
+// `fraction_done`: the fraction done during `elapsed`. It is less than `fraction` if a phase was resumed from
+// a file.
 std::string time_left(double elapsed, double fraction_done, double fraction) {
     // No estimate before enough is done.
     if (fraction_done < 0.01 || elapsed < 0.5) return "";

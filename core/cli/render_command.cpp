@@ -134,8 +134,8 @@ void save(Frame& frame, Preview& preview, bool quiet) {
     if (!preview.fault().empty()) print_message("{}\n", preview.fault());
 }
 
-// Renders one frame to its files. kept: geometry kept from frame to frame. exit_blocker: set from the start of
-// tracing, so that an interrupt does not prevent saving.
+// Renders one frame to its files. kept: geometry kept from frame to frame. exit_blocker: set from the start
+// of tracing, so that an interrupt does not prevent saving.
 void render_frame(Frame& frame, KeptGeometry& kept, const std::string& prefix, bool quiet,
                   std::optional<ExitBlocker>& exit_blocker) {
     Preview preview(frame.files.preview.empty() ? std::function<void()>() : [&] { save_preview(frame); });

@@ -243,8 +243,8 @@ bool look_alike(const Comparison& c) {
 }
 
 // How far a difference is beyond what is noticed, as the factor of samples that lowers it to that: FLIP grows
-// with a difference to the power 0.7. Not by the other limits: noise has a low SSIM and single pixels far off,
-// however weak it looks.
+// with a difference to the power 0.7. Not by the other limits: noise has a low SSIM and single pixels far
+// off, however weak it looks.
 struct Beyond {
     double factor = 0.0;
     std::string what;

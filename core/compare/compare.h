@@ -18,9 +18,10 @@
 // Noise may be too great for its tests. So if the pictures pass them, and yet the looks are beyond the limits
 // without variance (below), the greatest difference that noise could hide is judged by its own looks: B is
 // compared with B plus, in squares of 1, 4 and 16 pixels, the standard deviation of the difference times the
-// root of the ratio's limit. (The ratio is 0 without a difference if both have the same seed, so that is found
-// no earlier.) If that is beyond the limits (mean FLIP 0.1, which is just noticed everywhere, and 0.35 in
-// the worst window), whether the pictures are alike cannot be told, and `doubt` has the samples that it takes.
+// root of the ratio's limit. (The ratio is 0 without a difference if both have the same seed, so that is
+// found no earlier.) If that is beyond the limits (mean FLIP 0.1, which is just noticed everywhere, and 0.35
+// in the worst window), whether the pictures are alike cannot be told, and `doubt` has the samples that it
+// takes.
 //
 // A single sample a pixel has no variance, whatever its layer says. Then pictures with such a layer that look
 // different cannot be told, unless the mean FLIP is above 0.5.

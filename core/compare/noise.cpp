@@ -144,8 +144,8 @@ Energy energy_of(const std::vector<float>& a, const std::vector<float>& b, const
     return sum;
 }
 
-// least: as in deviations(); blocks without more variance have no noise and tell nothing. Smaller pictures are
-// cut into smaller blocks.
+// least: as in deviations(); blocks without more variance have no noise and tell nothing. Smaller pictures
+// are cut into smaller blocks.
 std::vector<RatioResult> energy_ratios(const std::vector<float>& a, const std::vector<float>& b,
                                        const std::vector<float>& variance, double least, double chance,
                                        int width, int height) {

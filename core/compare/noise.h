@@ -12,8 +12,8 @@ namespace marram {
 std::vector<float> variance_of_difference(const Picture& test, const Picture& reference,
                                           const std::optional<Limits>& limits, Comparison& result);
 
-// Fills result.scales and, without limits, result.ratios, and reports those that fail. a, b: colours, 3 floats
-// a pixel, as variance.
+// Fills result.scales and, without limits, result.ratios, and reports those that fail. a, b: colours, 3
+// floats a pixel, as variance.
 void judge_noise(const Picture& test, const Picture& reference, const std::vector<float>& a,
                  const std::vector<float>& b, const std::vector<float>& variance,
                  const std::optional<Limits>& limits, Comparison& result);

@@ -50,8 +50,8 @@ struct BuildSettings {
     double bind_frame = 1.0;
     Vec2d shot_frames = Vec2d::Zero(); // first and last frame of the shot; equal: not known
     MarramStage stage = MARRAM_FINAL;
-    // Metres: at view.reference_depth, or anywhere if that is 0. 0: the default of each procedural (strands: a
-    // thousandth of their length).
+    // Metres: at view.reference_depth, or anywhere if that is 0. 0: the default of each procedural (strands:
+    // a thousandth of their length).
     double tolerance = 0.0;
     View view;
     std::optional<CameraSamples> camera; // none: growth surfaces are rendered
@@ -78,8 +78,9 @@ struct BuildStats {
     Report report;
     uint32_t motion_keys = 1; // the most of any geometry; each one's own: "fur.motion_keys" in `chosen`
     // Only if keys were chosen automatically; of the procedural where it is largest. motion_error: 99th
-    // percentile of the strands' error between keys, m, scaled by View::enlarged to its size at reference_depth. motion_jumps: fraction of strands
-    // that jump within the shutter, which no number of keys can follow.
+    // percentile of the strands' error between keys, m, scaled by View::enlarged to its size at
+    // reference_depth. motion_jumps: fraction of strands that jump within the shutter, which no number of
+    // keys can follow.
     double motion_error = 0.0, motion_jumps = 0.0;
     double mesh_motion_error = 0.0; // m, likewise, of meshes that move within the shutter, with the keys used
     // Settings that the tolerance chose, by procedural and setting, such as "fur.cvs".

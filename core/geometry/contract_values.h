@@ -31,7 +31,8 @@ class ContractValues {
                    const CurveAttributes& curves);
 
     MarramValues list() const; // points into this object
-    // One line for each image with holes or values that stand alone (core/image/data_image.h), with its place.
+    // One line for each image with holes or values that stand alone (core/image/data_image.h), with its
+    // place.
     const std::vector<std::string>& warnings() const { return warnings_; }
     // Digest of names, values and file contents, without places.
     uint64_t digest() const;

@@ -21,11 +21,11 @@
 //                                                  4     -17 %      +60 %        +15 %
 //   the same in wind, 2 motion keys                2     -17 %      +12 %        +28 %
 //   the same in more wind, 5 keys                  2       0         -9 %        +53 %
-// Therefore max_useful_pieces() is 3 for ribbons and 4 for round curves, half of that with two keys, 1 with more.
-// A ribbon's third piece costs as much BVH time as it saves at a few samples per pixel, and wins with more
-// samples. Round pieces also need a filter for every hit in the scene: among many more ribbons, the grass and
-// stalks of scenes/default.toml, tracing took 6 % longer. They are used if they are at least half of the
-// segments.
+// Therefore max_useful_pieces() is 3 for ribbons and 4 for round curves, half of that with two keys, 1 with
+// more. A ribbon's third piece costs as much BVH time as it saves at a few samples per pixel, and wins with
+// more samples. Round pieces also need a filter for every hit in the scene: among many more ribbons, the
+// grass and stalks of scenes/default.toml, tracing took 6 % longer. They are used if they are at least half
+// of the segments.
 //
 // Bias of ribbons, measured on the hairy ball of tests/bench/cycles with two and with three pieces: the mean
 // brightness is within 0.02 % of the cubic's with 10,000 strands, 0.11 with 100,000, 0.16 with 1,000,000. But

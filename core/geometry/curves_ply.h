@@ -37,8 +37,8 @@ struct PlyCurvesContent {
     std::vector<PlyColumn> of_entries;
 };
 
-// with_columns: also reads of_vertices and the element "strand" or "curve". points_per_curve: of a cloud, whose points
-// follow each other curve by curve; 0: they are one curve. Throws InputError if it does not fit.
+// with_columns: also reads of_vertices and the element "strand" or "curve". points_per_curve: of a cloud,
+// whose points follow each other curve by curve; 0: they are one curve. Throws InputError if it does not fit.
 PlyCurvesContent read_ply_curves(const std::string& file, std::string_view bytes, bool with_columns,
                                  uint32_t points_per_curve = 0);
 

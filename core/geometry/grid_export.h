@@ -35,8 +35,8 @@ void write_surface_ply(const std::string& path, const MeshGeometry& mesh);
 // 2^17 voxels from the origin.
 void write_level_set(const std::string& path, const MeshGeometry& mesh);
 
-// True if the mesh encloses a volume: each edge is in as many triangles one way as the other. Vertices in the same place
-// count as one.
+// True if the mesh encloses a volume: each edge is in as many triangles one way as the other. Vertices in the
+// same place count as one.
 bool is_closed(const MeshGeometry& mesh);
 
 } // namespace marram

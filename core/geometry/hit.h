@@ -37,13 +37,15 @@ struct SurfacePoint {
     double error = 0.0; // bound of |position - the surface as Embree computes it|, along the normal
     Vec3f geometric_normal =
         Vec3f::UnitZ(); // mesh: its anticlockwise side; round: away from the axis; ribbon: see hit.cpp
-    // For shading: interpolated vertex normals if the mesh has them, turned to the side of geometric_normal. Shaders turn both to
-    // the side that is seen. So a triangle that is wound against its normals or its neighbours looks like these. Light never
-    // passes: sidedness_normal alone says which directions are behind the surface.
+    // For shading: interpolated vertex normals if the mesh has them, turned to the side of geometric_normal.
+    // Shaders turn both to the side that is seen. So a triangle that is wound against its normals or its
+    // neighbours looks like these. Light never passes: sidedness_normal alone says which directions are
+    // behind the surface.
     Vec3f normal = Vec3f::UnitZ();
     // Triangles: vertex normals stand for a smooth surface (Hanika 2021, see hit.cpp). The sign of
-    // sidedness_normal . d says on which side of it a direction d is. patch_offset: m, where spawn() starts grazing
-    // rays, from the position: [0] for rays on sidedness_normal's side, [1] for those on the other. Not set on curves.
+    // sidedness_normal . d says on which side of it a direction d is. patch_offset: m, where spawn() starts
+    // grazing rays, from the position: [0] for rays on sidedness_normal's side, [1] for those on the other.
+    // Not set on curves.
     Vec3f sidedness_normal = Vec3f::UnitZ();
     std::array<Vec3f, 2> patch_offset = {Vec3f::Zero(), Vec3f::Zero()};
     Vec3f tangent = Vec3f::UnitX(); // curves: unit, root to tip; meshes: a unit vector in the surface

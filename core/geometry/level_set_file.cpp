@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // OpenVDB level sets as meshes, and back. The only file of core that includes OpenVDB.
 //
-// OpenVDB trusts its files: a damaged one can make it write outside its buffers. So a child process reads the file, with
-// limits on its memory and time, and sends the narrow band as plain arrays: leaves of 8 x 8 x 8 distances. If it
-// crashes, the file is damaged.
+// OpenVDB trusts its files: a damaged one can make it write outside its buffers. So a child process reads the
+// file, with limits on its memory and time, and sends the narrow band as plain arrays: leaves of 8 x 8 x 8
+// distances. If it crashes, the file is damaged.
 #include "core/geometry/grid_export.h"
 #include "core/geometry/mesh_reader.h"
 #include "core/image/atomic_file.h"
@@ -44,8 +44,8 @@ constexpr double max_voxel_over_extent = 0.01; // of the largest side of a mesh:
 constexpr double max_voxels_away = 0x1p17;     // from the origin, where floats resolve 0.8 % of a voxel
 constexpr double min_voxel = 2e-5;             // m; OpenVDB takes a volume below 3e-15 m^3 for none
 
-// What the child process writes: the status and a text (what is wrong, a newline, the remedy), or the status, a header,
-// and leaves.
+// What the child process writes: the status and a text (what is wrong, a newline, the remedy), or the status,
+// a header, and leaves.
 enum class ReadStatus : uint32_t { refused = 1, read = 2 };
 struct GridHeader {
     double matrix[16]; // from voxels to metres, row vectors

@@ -15,9 +15,10 @@ struct MeshDistance { // sums over vertices: m^2, their number, and the greatest
     double rms() const;
 };
 
-// Distances of mesh `mesh` of a world from the vertices of `from` along their normals, at rest or at the first motion
-// sample. A vertex without a hit within a twentieth of the longest edge of from's box counts as that far. At most 10^5
-// vertices, at regular intervals; two rays each. The world's scene need not be committed.
+// Distances of mesh `mesh` of a world from the vertices of `from` along their normals, at rest or at the
+// first motion sample. A vertex without a hit within a twentieth of the longest edge of from's box counts as
+// that far. At most 10^5 vertices, at regular intervals; two rays each. The world's scene need not be
+// committed.
 MeshDistance mesh_distance(const World& world, uint32_t mesh, const MeshGeometry& from);
 
 } // namespace marram

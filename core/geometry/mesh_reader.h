@@ -20,8 +20,8 @@ inline constexpr uint32_t greatest_polygon = 10000; // corners; concave ones tak
 inline constexpr uint64_t greatest_count =
     0xffffffffu - 1; // of vertices, of triangles; also keeps ~0u free as "none"
 
-// Each parses a whole file. The mesh's normals, if any, need not be unit yet; a zero stands for a missing one.
-// They may overwrite `bytes`. warnings: as in MeshLoading.
+// Each parses a whole file. The mesh's normals, if any, need not be unit yet; a zero stands for a missing
+// one. They may overwrite `bytes`. warnings: as in MeshLoading.
 Mesh read_obj(const std::string& path, std::string& bytes, std::vector<std::string>* warnings);
 Mesh read_ply(const std::string& path, std::string& bytes);
 Mesh read_vdb(const std::string& path, std::string& bytes);

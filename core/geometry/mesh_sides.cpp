@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// A part is a connected component of the graph whose nodes are triangles and whose links are edges with exactly two of them. A search
-// over it gives each triangle a sign relative to the first: neighbours that run along their edge in the same direction
-// have opposite signs. Triangles with two corners at one position are ignored: they have no side.
+// A part is a connected component of the graph whose nodes are triangles and whose links are edges with
+// exactly two of them. A search over it gives each triangle a sign relative to the first: neighbours that run
+// along their edge in the same direction have opposite signs. Triangles with two corners at one position are
+// ignored: they have no side.
 //
 // A closed part of negative volume is a cavity if the other parts wind around it. The winding number of a
 // point is a sum along a ray in +x: +1 for each triangle that it leaves through, -1 for each that it enters

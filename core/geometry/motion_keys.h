@@ -48,8 +48,8 @@ class StrandMotion {
     // distance.
     double residual_error(uint32_t keys, double tolerance) const;
     double jump_fraction(double tolerance) const; // the fraction of strands that jump
-    // The smallest number of keys, 2 ... 64, that keeps residual_error() within the tolerance with a margin of 1.25;
-    // else 64.
+    // The smallest number of keys, 2 ... 64, that keeps residual_error() within the tolerance with a margin
+    // of 1.25; else 64.
     uint32_t keys_for(double tolerance) const;
 
   private:

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Numbers are parsed here: tinyobjloader reads what it cannot parse as 0, wraps large indices, drops what stands behind
-// a number, and is off by up to a unit in the last place.
+// Numbers are parsed here: tinyobjloader reads what it cannot parse as 0, wraps large indices, drops what
+// stands behind a number, and is off by up to a unit in the last place.
 #include "core/geometry/obj_lines.h"
 
 #include "core/geometry/mesh_reader.h"

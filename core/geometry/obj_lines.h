@@ -17,8 +17,8 @@ struct ObjLines {
     std::vector<uint32_t> order;  // vertices of all lines in sequence
 };
 
-// Everything but v and l is ignored. Throws InputError, with the place where it is known, for numbers and indices
-// that are none or out of range, for coordinates beyond 1e8 m, and without lines.
+// Everything but v and l is ignored. Throws InputError, with the place where it is known, for numbers and
+// indices that are none or out of range, for coordinates beyond 1e8 m, and without lines.
 ObjLines read_obj_lines(const std::string& file, std::string_view bytes);
 
 } // namespace marram

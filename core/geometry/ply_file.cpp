@@ -222,7 +222,8 @@ void PlyFile::end_entry() {
     if (at_ == bytes_.size() || bytes_[at_] == '\n' || bytes_[at_] == '\r') return;
     constexpr const char* fix = "check the header against the lines";
     if (continued.empty()) fail("the line holds more values than the header announces", fix);
-    // An entry may take several lines, the last to its end. Else a value is missing where it went on to the next line.
+    // An entry may take several lines, the last to its end. Else a value is missing where it went on to the
+    // next line.
     token_ = continued_at_;
     fail(fmt::format("the line ends before \"{}\"", continued), fix);
 }

@@ -22,8 +22,8 @@ class Report {
         std::map<std::string, double> each; // MARRAM_EACH only: value by procedural
     };
 
-    // Makes each declared entry exist with value 0, so that it is printed even if no procedural reports it; but not
-    // those of patterns ("terrain.layer[].*.seconds").
+    // Makes each declared entry exist with value 0, so that it is printed even if no procedural reports it;
+    // but not those of patterns ("terrain.layer[].*.seconds").
     void declare(std::span<const MarramReportEntry> entries);
     // Adds what one procedural reports. Entries in thread seconds (summed over threads) are not added as they
     // are: `wall`, the elapsed seconds, is divided among them in proportion, each part going to

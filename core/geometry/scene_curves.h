@@ -43,11 +43,12 @@ struct SceneCurves {
     // before the first and after the last. `vertices` are the first's.
     std::vector<CurvesSample> samples{};
     KeyedTransform transform{};
-    // Of curves that change in number: by ascending frame. `offsets`, `vertices`, `closed` and `attributes` are those of
-    // the take that was selected last, which does not move; `samples` are empty.
+    // Of curves that change in number: by ascending frame. `offsets`, `vertices`, `closed` and `attributes`
+    // are those of the take that was selected last, which does not move; `samples` are empty.
     std::vector<CurvesTake> takes{};
 
-    // Selects the take of a frame: the last that begins up to it, or the first. True if that changes the curves.
+    // Selects the take of a frame: the last that begins up to it, or the first. True if that changes the
+    // curves.
     bool select_take(double frame);
 
     void add(std::span<const Vec3d> points, bool is_closed); // 2 points or more, radius 0

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Rays that leave a surface: where they start, so that they do not hit it again. hit.cpp computes the points
-// and `error`, a bound of the distance along the normal between a point and the surface as Embree computes it.
+// and `error`, a bound of the distance along the normal between a point and the surface as Embree computes
+// it.
 //
 // The origin is offset along the geometric normal by that error, times a margin, to the side of the new
 // direction d. From there a ray cannot hit the same plane or convex surface again, at any angle. Three cases
@@ -50,8 +51,9 @@ namespace marram {
 namespace {
 
 constexpr double margin = 2.0; // measured: tests/unit/render/test_spawn.cpp prints the rates
-// The start of a ray blends from the smooth surface (sine of its angle to the triangle's plane <= 0) to the triangle (this
-// and more): only grazing light shows the triangles, and a start on the smooth surface may be beyond what shadows it.
+// The start of a ray blends from the smooth surface (sine of its angle to the triangle's plane <= 0) to the
+// triangle (this and more): only grazing light shows the triangles, and a start on the smooth surface may be
+// beyond what shadows it.
 constexpr double grazing_sine = 0.1;
 
 // Additional distance to the last disc, at a corner of a ribbon's straight pieces, that the ray hits. Names
@@ -115,7 +117,8 @@ Ray spawn(const SurfacePoint& point, const Vec3f& direction, float time) {
         ray.tnear = static_cast<float>(exit_distance(point, d, error));
     } else if (point.shape == PointShape::triangle) {
         const double side = std::copysign(1.0, static_cast<double>(point.sidedness_normal.dot(direction)));
-        // A ray well above the triangle's plane needs no patch, which may lie beyond what shadows the triangle.
+        // A ray well above the triangle's plane needs no patch, which may lie beyond what shadows the
+        // triangle.
         const double patch_weight = std::clamp(1.0 - side * outward / grazing_sine, 0.0, 1.0);
         const Vec3d to_start = patch_weight * point.patch_offset[side < 0.0 ? 1 : 0].cast<double>();
         ray.origin = (point.position + to_start + side * error * n).cast<float>();

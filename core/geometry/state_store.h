@@ -4,8 +4,8 @@
 //
 // A state is one file, FOLDER/NAME-DIGEST/FRAME.state, written whole or not at all. The digest covers all
 // that the state depends on: the procedural's values, its inputs, the contents of files, the library's
-// version; any change starts a new folder. A damaged or unreadable file is skipped with a warning. Links are not followed when
-// states are written.
+// version; any change starts a new folder. A damaged or unreadable file is skipped with a warning. Links are
+// not followed when states are written.
 #pragma once
 
 #include <cstdint>

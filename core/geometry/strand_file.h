@@ -32,8 +32,9 @@ struct StrandFile {
     // m: largest distance of the curves with these CVs from the file's, measured at 7 points per segment.
     double deviation = 0.0;
     std::vector<std::string> warnings; // ignored features of the file; without its name
-    // Of a file whose strands or CV counts change over time: its strands at each of its times, samples[0].frame,
-    // ascending; any of them may have no strands. All have the same attributes. The other fields are those of the first.
+    // Of a file whose strands or CV counts change over time: its strands at each of its times,
+    // samples[0].frame, ascending; any of them may have no strands. All have the same attributes. The other
+    // fields are those of the first.
     std::vector<StrandFile> takes;
 };
 
@@ -47,9 +48,10 @@ struct StrandReading {
     bool reverse = false; // the strands of the file run from tip to root
 };
 
-// Whole files only: truncated files and counts that do not add up are errors. Throws InputError with line and column, or
-// byte. Memory: a small multiple of the file; counts in a header are checked against the file's size before
-// memory is allocated. Strands of fewer than two points are removed, with a warning that counts them. Closed curves are opened: they end where they begin.
+// Whole files only: truncated files and counts that do not add up are errors. Throws InputError with line and
+// column, or byte. Memory: a small multiple of the file; counts in a header are checked against the file's
+// size before memory is allocated. Strands of fewer than two points are removed, with a warning that counts
+// them. Closed curves are opened: they end where they begin.
 StrandFile load_strand_file(const std::string& file, const StrandReading& reading);
 
 // Cem Yuksel's HAIR; metres, y up. Thickness is the diameter at each CV. Writers that do not know the

@@ -14,7 +14,8 @@ inline constexpr size_t most_strand_attributes = 64; // constant ones are copied
 std::vector<std::string> join_strands(const Place& place, const std::string& path, StrandFile part,
                                       StrandFile& all);
 
-// Gives all the attributes that any of them has, in the same order and at the same rate; 0 where one lacks them.
+// Gives all the attributes that any of them has, in the same order and at the same rate; 0 where one lacks
+// them.
 void match_attributes(std::vector<StrandFile>& takes);
 
 } // namespace marram

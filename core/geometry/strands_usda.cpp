@@ -259,8 +259,8 @@ bool UsdaStrandsReader::has_changing_counts() const {
     return false;
 }
 
-// The value for every time, or the earliest; of counts that change the sample of the take's time, which holds until the
-// next.
+// The value for every time, or the earliest; of counts that change the sample of the take's time, which holds
+// until the next.
 const UsdaValue* UsdaStrandsReader::held(const UsdaPrim& prim, std::string_view name) const {
     const auto samples = prim.samples(name);
     if (samples.empty()) return prim.find(name);

@@ -66,7 +66,8 @@ struct UsdaPrim {
     std::string_view metadata_of(std::string_view name, std::string_view key) const;
 };
 
-// A way to bring in other content, "references" or "variantSet": how often the layer uses it, and where first.
+// A way to bring in other content, "references" or "variantSet": how often the layer uses it, and where
+// first.
 struct UsdaNotFollowed {
     std::string_view what;
     size_t count = 0, at = 0;

@@ -37,19 +37,19 @@ struct UsdaCurvesFound {
     std::vector<std::string> warnings; // one line for each reason why curves of the layer are not among them
 };
 
-// Every prim "def BasisCurves" that is not below an inactive one, an over or a class, and is meant to be seen: its
-// purpose is not guide or proxy, and it is not invisible, by itself or by a parent's (USD's rules of inheritance; a
-// visibility that animates counts as visible). chosen: paths or names of prims; only these and what is below them are
-// read, and their own flags and those above them do not count. Throws InputError if no prim is left, and for a choice
-// that finds none.
+// Every prim "def BasisCurves" that is not below an inactive one, an over or a class, and is meant to be
+// seen: its purpose is not guide or proxy, and it is not invisible, by itself or by a parent's (USD's rules
+// of inheritance; a visibility that animates counts as visible). chosen: paths or names of prims; only these
+// and what is below them are read, and their own flags and those above them do not count. Throws InputError
+// if no prim is left, and for a choice that finds none.
 UsdaCurvesFound find_usda_curves(const std::string& path, const UsdaScene& scene,
                                  std::span<const std::string> chosen);
 
 // Basis and wrap of a BasisCurves prim.
 UsdaCurveKind usda_curve_kind(const UsdaScene& scene, const UsdaPrim& prim);
-// Number of vertices of each curve; they must add up to `points`. path: for messages. Curves of fewer than two vertices
-// are among them, as in files of USD's makers: they have no segments. value: of curveVertexCounts at some time; nullptr:
-// there is none.
+// Number of vertices of each curve; they must add up to `points`. path: for messages. Curves of fewer than
+// two vertices are among them, as in files of USD's makers: they have no segments. value: of
+// curveVertexCounts at some time; nullptr: there is none.
 std::vector<uint32_t> usda_curve_counts(const UsdaScene& scene, const UsdaPrim& prim, const std::string& path,
                                         const UsdaCurveKind& kind, size_t points, const UsdaValue* value);
 
@@ -68,10 +68,10 @@ struct UsdaCurves : UsdaCurveKind {
     std::vector<Vec3d> polyline(size_t first, uint32_t count, int each) const;
 };
 
-// The prims of find_usda_curves(). Attributes are those for every time, else their earliest sample. Transforms follow
-// xformOpOrder of the prim and its ancestors: translate, rotate, orient, scale, transform, !invert!,
-// !resetXformStack!. If the layer does not say, metersPerUnit is 0.01 and upAxis is "Y", as in USD. Throws
-// InputError with the place for counts, types and numbers that do not form curves.
+// The prims of find_usda_curves(). Attributes are those for every time, else their earliest sample.
+// Transforms follow xformOpOrder of the prim and its ancestors: translate, rotate, orient, scale, transform,
+// !invert!, !resetXformStack!. If the layer does not say, metersPerUnit is 0.01 and upAxis is "Y", as in USD.
+// Throws InputError with the place for counts, types and numbers that do not form curves.
 std::vector<UsdaCurves> read_usda_curves(const std::string& path, std::string_view bytes,
                                          std::span<const std::string> chosen = {},
                                          std::vector<std::string>* warnings = nullptr);

@@ -26,8 +26,8 @@ class UsdaCvs {
     MarramBasis basis() const;
     bool keeps_vertices() const { return keeps_vertices_; } // the CVs are the vertices
     void cut(uint32_t pieces); // pieces per cubic; 1 at first. Only if !keeps_vertices()
-    // Marks joints with a corner of more than 0.1 radians, for the next cut(). True if there are any. points: of the
-    // vertices.
+    // Marks joints with a corner of more than 0.1 radians, for the next cut(). True if there are any. points:
+    // of the vertices.
     bool mark_corners(std::span<const double> points);
 
     size_t curve_count() const { return counts_.size(); }
@@ -64,8 +64,8 @@ class UsdaCvs {
 
     UsdaCurveKind kind_;
     bool keeps_vertices_;
-    // Where the CVs of a cubic are, ascending from 0 to 1 inclusive: without a corner, with one at its begin, at its end,
-    // at both.
+    // Where the CVs of a cubic are, ascending from 0 to 1 inclusive: without a corner, with one at its begin,
+    // at its end, at both.
     std::array<std::vector<double>, 4> patterns_;
     std::vector<char> corners_; // [joint]; empty: none
     std::vector<uint32_t> counts_;

@@ -20,8 +20,8 @@ struct View {
     // anywhere.
     double reference_depth = 0.0;
 
-    // Factor by which lengths at p appear larger than at `reference_depth`. For a moving camera: the largest. At
-    // most 1 for points out of view, which can only cast shadows.
+    // Factor by which lengths at p appear larger than at `reference_depth`. For a moving camera: the largest.
+    // At most 1 for points out of view, which can only cast shadows.
     double enlarged(const Vec3d& p) const {
         if (reference_depth <= 0.0) return 1.0;
         double most = enlarged_from(p, position, forward);

@@ -17,7 +17,8 @@
 
 namespace marram {
 
-// A bit of Embree masks, beside those of MarramRole: casts shadows on shadow catchers. These do not on each other.
+// A bit of Embree masks, beside those of MarramRole: casts shadows on shadow catchers. These do not on each
+// other.
 inline constexpr uint32_t darkens_catchers = 1U << 16;
 
 // A mesh at the motion samples of the frame, in world space. Its geometry ID is its index in World::meshes.

@@ -3,9 +3,9 @@
 // digits><ext>` in the target's folder. commit() renames it over the target after every byte has reached the
 // disk. A failed write never replaces an existing file.
 //
-// A link that a user names as output is kept, and the file that it points to is replaced. Where the program makes
-// up the name itself, a link is not followed: a folder from elsewhere may hold one that points anywhere. The file
-// takes its place (Links::replace).
+// A link that a user names as output is kept, and the file that it points to is replaced. Where the program
+// makes up the name itself, a link is not followed: a folder from elsewhere may hold one that points
+// anywhere. The file takes its place (Links::replace).
 //
 // A replaced file passes on its permissions and, where the system allows it, its group.
 //
@@ -37,8 +37,8 @@ void check_name_length(const std::string& path);
 // to files that do not exist yet.
 std::filesystem::path destination_of(const std::string& path);
 
-// Removes a symbolic link of this name, not what it points to. For names that the program makes up, before other
-// code writes to them.
+// Removes a symbolic link of this name, not what it points to. For names that the program makes up, before
+// other code writes to them.
 void remove_link(const std::string& path);
 
 // Removes the temporary files of this process. For a process that ends without unwinding; from any thread.

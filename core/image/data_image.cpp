@@ -113,7 +113,8 @@ std::string pixels_text(const Image& image, const Marked& marked) {
 
 // ---- values that stand alone ----------------------------------------------------------------------------------------
 
-// A value of the first channel, as stored, that several or single pixels have and that is far from all others.
+// A value of the first channel, as stored, that several or single pixels have and that is far from all
+// others.
 struct Outlier {
     double value, low, high; // low, high: of the others
 };

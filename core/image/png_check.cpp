@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// PNG (ISO 15948), section 5: an 8-byte signature, then chunks of length, type, data and the CRC-32 of type and data.
+// PNG (ISO 15948), section 5: an 8-byte signature, then chunks of length, type, data and the CRC-32 of type
+// and data.
 #include "core/image/png_check.h"
 
 #include <algorithm>

@@ -21,9 +21,9 @@ namespace marram {
 class TextureFile {
   public:
     virtual ~TextureFile() = default;
-    // Returns the mean over a square of side `width` centred at `uv`; channels are 0 ... 1; v runs up. Outside the
-    // unit square the texture repeats, or continues with the pixels at its border. Images with fewer than three channels
-    // are grey. Thread-safe.
+    // Returns the mean over a square of side `width` centred at `uv`; channels are 0 ... 1; v runs up.
+    // Outside the unit square the texture repeats, or continues with the pixels at its border. Images with
+    // fewer than three channels are grey. Thread-safe.
     virtual Vec3f at(const Vec2f& uv, float width, bool repeat) const = 0;
 };
 

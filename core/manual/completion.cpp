@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Options and words are written into the script when it is made. Only the keys of a scene are queried from the
-// program at each completion.
+// Options and words are written into the script when it is made. Only the keys of a scene are queried from
+// the program at each completion.
 #include "core/manual/completion.h"
 
 #include <fmt/format.h>
@@ -40,7 +40,8 @@ std::string single_quoted(const std::string& text) {
     return out;
 }
 
-// A word that a shell takes as it is written: in single quotes if it has characters that mean something to one.
+// A word that a shell takes as it is written: in single quotes if it has characters that mean something to
+// one.
 std::string shell_word(const std::string& word) {
     const auto plain = [](unsigned char c) {
         return std::isalnum(c) || std::string_view("_-+./:,#@%").find(char(c)) != std::string_view::npos;

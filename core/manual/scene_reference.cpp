@@ -31,7 +31,8 @@ std::string default_of(const ParamSpec& spec) {
     return spec.initial == "none" ? "-" : spec.initial;
 }
 
-// A help text behind `row`, wrapped at 100 columns below its beginning; where the row leaves little room, below the row.
+// A help text behind `row`, wrapped at 100 columns below its beginning; where the row leaves little room,
+// below the row.
 std::string with_help(std::string row, std::string_view help) {
     constexpr size_t columns = 100, min_width = 36, indent = 8;
     size_t begin = row.size();
@@ -132,7 +133,8 @@ std::string topic_text(const Topic& topic) {
     return text;
 }
 
-// The image layers for film.aovs and --aov, each with its channels in an EXR; the list that check_layers() accepts.
+// The image layers for film.aovs and --aov, each with its channels in an EXR; the list that check_layers()
+// accepts.
 std::string layers_text(const PluginSet& plugins) {
     std::string text = "image layers (film.aovs, --aov, --png), in an EXR as LAYER.CHANNEL; beauty and alpha "
                        "are R, G, B, A\n";

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// File names of sequences. The # that stand for a frame's number belong to the file's name: in a folder's name they
-// mean nothing.
+// File names of sequences. The # that stand for a frame's number belong to the file's name: in a folder's
+// name they mean nothing.
 #pragma once
 
 #include <string>

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A ramp: a function of one variable given by knots (position, value), constant before the first and after the last.
+// A ramp: a function of one variable given by knots (position, value), constant before the first and after
+// the last.
 #pragma once
 
 #include <cassert>
@@ -19,7 +20,8 @@ class Ramp {
     }; // smooth: cubic Hermite with flat ends between two knots
 
     Ramp() : positions_{0.0}, values_{1.0} {} // 1 everywhere
-    // knots = p0 v0 p1 v1 ..., positions strictly ascending, at least one knot (checked where scenes are read).
+    // knots = p0 v0 p1 v1 ..., positions strictly ascending, at least one knot (checked where scenes are
+    // read).
     Ramp(std::span<const double> knots, std::string_view interpolation)
         : interpolation_(interpolation == "constant" ? Interpolation::constant
                          : interpolation == "smooth" ? Interpolation::smooth

@@ -4,8 +4,8 @@
 // One source serves SSE2 and AVX2. Nothing is contracted or reassociated (-ffp-contract=off), so both give the same bits
 // (Simd.instruction_sets_agree). A variant for AVX-512 was measured: 0 to 5 % faster on a Zen 4, for an eighth more build time.
 //
-// A hot function is marked MARRAM_HOT: it is compiled once for each instruction set and the loader picks one at start-up.
-// Everything it calls must be MARRAM_INLINE, or it would run in its baseline version.
+// A hot function is marked MARRAM_HOT: it is compiled once for each instruction set and the loader picks one
+// at start-up. Everything it calls must be MARRAM_INLINE, or it would run in its baseline version.
 //
 // The elementary functions below are polynomials valid on the stated domain only; their errors are bounded by
 // tests/unit/procedural/simd_test.cpp over 10^5 to 10^6 points each.
@@ -31,16 +31,17 @@ inline constexpr int lanes = 8;
 #define MARRAM_HOT
 #endif
 
-// Aligned by hand: the baseline aligns wide vectors to 16 bytes only, but the clones expect their full width. A template
-// argument loses the attribute, so memory that clones see is a struct that says alignas, or a WideVector.
+// Aligned by hand: the baseline aligns wide vectors to 16 bytes only, but the clones expect their full width.
+// A template argument loses the attribute, so memory that clones see is a struct that says alignas, or a
+// WideVector.
 using VFloat = float __attribute__((vector_size(lanes * 4), aligned(lanes * 4)));
 using VInt = int32_t __attribute__((vector_size(lanes * 4), aligned(lanes * 4)));
 using VUint = uint32_t __attribute__((vector_size(lanes * 4), aligned(lanes * 4)));
 using Double4 = double __attribute__((vector_size(32), aligned(32)));
 using Long4 = int64_t __attribute__((vector_size(32), aligned(32)));
 
-// Eight doubles or 64-bit integers, as two vectors of four. A comparison gives a mask for select(): each lane is -1 or 0.
-// The struct is aligned because a template argument loses the alignment of its type.
+// Eight doubles or 64-bit integers, as two vectors of four. A comparison gives a mask for select(): each lane
+// is -1 or 0. The struct is aligned because a template argument loses the alignment of its type.
 template <typename T, typename Piece>
 struct alignas(64) Eight {
     Piece half[2];
@@ -128,8 +129,8 @@ MARRAM_INLINE VDouble bits_as<VDouble>(const VLong& from) {
     return {(Double4)from.half[0], (Double4)from.half[1]};
 }
 
-// Loads and stores of eight values, aligned or not. By halves: GCC copies a struct 16 bytes at a time, and a read of 32 then
-// waits for both writes.
+// Loads and stores of eight values, aligned or not. By halves: GCC copies a struct 16 bytes at a time, and a
+// read of 32 then waits for both writes.
 MARRAM_INLINE VDouble vload(const double* p) {
     VDouble v;
     std::memcpy(&v.half[0], p, sizeof v.half[0]);
@@ -195,7 +196,8 @@ MARRAM_INLINE bool any(const VLong& mask) {
     return (either[0] | either[1] | either[2] | either[3]) != 0;
 }
 
-// Adding this number rounds a double below 2^51 to the nearest integer and leaves that integer in the low bits.
+// Adding this number rounds a double below 2^51 to the nearest integer and leaves that integer in the low
+// bits.
 inline constexpr double round_magic = 6755399441055744.0;       // 1.5 * 2^52
 inline constexpr int64_t round_magic_bits = 0x4338000000000000; // the bits of that number
 
@@ -261,8 +263,8 @@ MARRAM_INLINE VDouble angle_of(VDouble s, VDouble c) {
     return select(c < 0.0, 3.14159265358979323846 - acute, acute);
 }
 
-// Natural logarithm of a normal x > 0: exponent and mantissa in [sqrt(1/2), sqrt 2), then the series of atanh.
-// Error < 1e-15 relative to max(|log x|, 1).
+// Natural logarithm of a normal x > 0: exponent and mantissa in [sqrt(1/2), sqrt 2), then the series of
+// atanh. Error < 1e-15 relative to max(|log x|, 1).
 MARRAM_INLINE VDouble vlog(VDouble x) {
     const VLong bits = bits_as<VLong>(x) - 0x3fe6a09e667f3bcdLL; // minus sqrt(1/2)
     const VLong exponent = bits >> 52;

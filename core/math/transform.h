@@ -10,13 +10,14 @@
 
 namespace marram {
 
-// p -> rotation * (scale * p) + translation. Angles of a key are Euler angles in degrees, applied about x, then y,
-// then z. Each angle is interpolated by itself: 0 to 720 turns twice.
+// p -> rotation * (scale * p) + translation. Angles of a key are Euler angles in degrees, applied about x,
+// then y, then z. Each angle is interpolated by itself: 0 to 720 turns twice.
 class KeyedTransform {
   public:
     KeyedTransform() = default; // identity at all times
     // numbers = 10 a key: frame, translate xyz, rotate xyz in degrees, scale xyz; frames strictly ascending.
-    // interpolation: "linear", or "smooth" (flat at every key). Constant before the first and after the last key.
+    // interpolation: "linear", or "smooth" (flat at every key). Constant before the first and after the last
+    // key.
     KeyedTransform(std::span<const double> numbers, std::string_view interpolation);
 
     Eigen::Affine3d at(double frame) const;

@@ -42,10 +42,10 @@ struct Dial {
     std::vector<DialSetting> settings;
     size_t reference = 0;
     double weight = 1.0; // relative share of the time budget
-    // Changes that take collision out of the scene. Contact branches: a strand that touches a mesh may pass it on
-    // either side, whatever small error it had before. So errors of poses are measured without contact, and the
-    // share of strands that contact then leaves farther than the tolerance from the reference is a column of its
-    // own. Empty: errors are those of the scene as it is.
+    // Changes that take collision out of the scene. Contact branches: a strand that touches a mesh may pass
+    // it on either side, whatever small error it had before. So errors of poses are measured without contact,
+    // and the share of strands that contact then leaves farther than the tolerance from the reference is a
+    // column of its own. Empty: errors are those of the scene as it is.
     std::vector<std::string> without_contact{};
     // If the tolerance can choose the setting: the error as a function of its number, up to a factor, and the
     // same in words. nullptr: it cannot.

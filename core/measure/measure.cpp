@@ -2,7 +2,8 @@
 // The settings of each dial are run in interleaved rounds, and the result is the median of the rounds' time
 // ratios, so that slow changes of the machine's speed cancel. The first round measures the errors and warms
 // up: its times count only if there is no second. The time is divided among the dials by their weights. A
-// setting that does not end in twice its dial's time is cancelled (TimeLimit), and the report lists it as not measured.
+// setting that does not end in twice its dial's time is cancelled (TimeLimit), and the report lists it as not
+// measured.
 #include "core/measure/measure.h"
 
 #include "core/math/clock.h"
@@ -33,8 +34,8 @@ struct Session {
     std::vector<std::string> thinned = {}; // changes that reduce the number of strands
 };
 
-// A time limit, at most what is left for all dials. Within 10 ms after it, or after the caller cancels, stop()
-// becomes true, and work that polls it throws Cancelled.
+// A time limit, at most what is left for all dials. Within 10 ms after it, or after the caller cancels,
+// stop() becomes true, and work that polls it throws Cancelled.
 class TimeLimit {
   public:
     TimeLimit(const Session& session, double seconds)
@@ -140,12 +141,13 @@ size_t base_of(const Dial& dial, const std::vector<SettingResult>& results) {
     return 0;
 }
 
-// A surface may be simulated: a fine setting may take far more time than there is. (Strands are thinned, so that there is time
-// for every setting.) The settings of such a dial begin with the coarsest and end with the reference.
+// A surface may be simulated: a fine setting may take far more time than there is. (Strands are thinned, so
+// that there is time for every setting.) The settings of such a dial begin with the coarsest and end with the
+// reference.
 bool coarsest_first(const Dial& dial) { return dial.error == DialError::surface; }
 
-// The order of measuring: the reference, the base, then the others. Coarsest first: the base second, as ratios refer to
-// it, and the reference last.
+// The order of measuring: the reference, the base, then the others. Coarsest first: the base second, as
+// ratios refer to it, and the reference last.
 std::vector<size_t> order_of(const Dial& dial, size_t base) {
     std::vector<size_t> order;
     for (size_t i = 0; i < dial.settings.size(); ++i)
@@ -156,9 +158,9 @@ std::vector<size_t> order_of(const Dial& dial, size_t base) {
     return order;
 }
 
-// What errors refer to if there was no time for the reference: the finest setting that was measured. Those before the reference
-// are sorted. Where the base belongs among them is not known, but what is finer takes longer: half as much again is more than
-// times differ by chance, and less than the next setting takes.
+// What errors refer to if there was no time for the reference: the finest setting that was measured. Those
+// before the reference are sorted. Where the base belongs among them is not known, but what is finer takes
+// longer: half as much again is more than times differ by chance, and less than the next setting takes.
 size_t finest_measured(const Dial& dial, const Rounds& rounds, size_t base) {
     size_t finest = base;
     for (size_t i = 0; i < dial.settings.size(); ++i)
@@ -294,8 +296,8 @@ std::string motion_rule(const DialResult& result, const Shot& shot, const Sessio
     return rule;
 }
 
-// The same for a dial over numbers: its law, scaled to the finest setting before the reference, and the choice of the
-// tolerance.
+// The same for a dial over numbers: its law, scaled to the finest setting before the reference, and the
+// choice of the tolerance.
 std::string dial_rule(const DialResult& result, double tolerance, const BuildStats* chosen) {
     const Dial& dial = result.dial;
     const auto number = [&](size_t i) { return dial.settings[i].number; };
@@ -340,8 +342,9 @@ std::string dial_rule(const DialResult& result, double tolerance, const BuildSta
 DialResult measure_builds(const Dial& dial, const Session& session, double budget) {
     DialResult result{dial, std::vector<SettingResult>(dial.settings.size()), 0, {}};
     const double end = wall_seconds() + budget;
-    // The first round may take twice the budget, so that a dial with a dear setting gets one round rather than none. Of this a
-    // simulation of the scene's own setting may take half. The procedurals of `scenes` read these limits as long as they live.
+    // The first round may take twice the budget, so that a dial with a dear setting gets one round rather
+    // than none. Of this a simulation of the scene's own setting may take half. The procedurals of `scenes`
+    // read these limits as long as they live.
     const TimeLimit limit(session, 2.0 * budget), own_limit(session, budget);
     const auto limit_of = [&](size_t i) -> const TimeLimit& {
         return coarsest_first(dial) && dial.settings[i].own ? own_limit : limit;

@@ -28,7 +28,8 @@ class MeasureProgress {
     virtual ~MeasureProgress() = default;
     void now(std::string phase);
     std::pair<std::string, double> state() const; // phase, share of the time used
-    // Seconds left; called from other threads too. When there are none, measuring ends. A test can override it.
+    // Seconds left; called from other threads too. When there are none, measuring ends. A test can override
+    // it.
     virtual double left() const;
 
   private:
@@ -37,9 +38,9 @@ class MeasureProgress {
     double begin_, seconds_;
 };
 
-// Measures the dials one by one and adds them to `measurement`. `shot` is the request's scene. Settings for which
-// progress.left() is too little are refused: their work is stopped, as by `cancel`. Throws Cancelled if `cancel` is
-// set, and InputError if the scene cannot be built; the dials already measured stay.
+// Measures the dials one by one and adds them to `measurement`. `shot` is the request's scene. Settings for
+// which progress.left() is too little are refused: their work is stopped, as by `cancel`. Throws Cancelled if
+// `cancel` is set, and InputError if the scene cannot be built; the dials already measured stay.
 void measure(const Shot& shot, const MeasureRequest& request, MeasureProgress& progress,
              const std::atomic<bool>& cancel, Measurement& measurement);
 

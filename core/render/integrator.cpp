@@ -186,8 +186,8 @@ const Material& material_at(const RenderContext& context, const SurfacePoint& hi
     return *material;
 }
 
-// The material's tint attribute at a hit; 0 without one. An id is discrete: it is hashed to [0, 1], which gives
-// each id a random tint.
+// The material's tint attribute at a hit; 0 without one. An id is discrete: it is hashed to [0, 1], which
+// gives each id a random tint.
 float tint_weight_at(const RenderContext& context, const Material& material, const SurfacePoint& hit) {
     if (material.tint_attribute.empty()) return 0.0F;
     const bool is_base = &material == &material_of(context, hit.material); // otherwise one side of a blend
@@ -317,8 +317,9 @@ bool apply_russian_roulette(Vec3f& throughput, float rr_sample) {
     return true;
 }
 
-// Light at a point on a shadow catcher, by sampling one light: luminance of what it scatters to the camera, and of what it would
-// without shadows. Not weighted with BSDF sampling: the ratio of the sums is wanted, and only where light sampling finds light.
+// Light at a point on a shadow catcher, by sampling one light: luminance of what it scatters to the camera,
+// and of what it would without shadows. Not weighted with BSDF sampling: the ratio of the sums is wanted, and
+// only where light sampling finds light.
 struct CaughtLight {
     float lit = 0.0F, full = 0.0F;
 };
@@ -357,7 +358,8 @@ PathRadiance trace(const RenderContext& context, Ray ray, float luminance_stddev
     for (uint32_t depth = 0;; ++depth) { // of the vertex that the ray hits
         const bool is_camera_ray = depth == 0, coherent = is_camera_ray;
         SurfacePoint& hit = is_camera_ray ? first.point : later_hit;
-        // Emission seen by this ray is direct light of the previous vertex, so depth 1 still counts as direct.
+        // Emission seen by this ray is direct light of the previous vertex, so depth 1 still counts as
+        // direct.
         Vec3f& emission_sum = depth <= 1 ? path.direct : path.indirect;
         if (!intersect(context.world, ray, hit, coherent, &counts)) {
             const auto weight = [&](float light_pdf) { return mis_weight(context, bsdf_pdf, light_pdf); };

@@ -91,7 +91,8 @@ inline Vec3f color_of(const ParamSet& params, std::string_view name) {
     return params.vec3(name).cast<float>();
 }
 
-// Of lights at infinity. A picture is transparent where the camera would see only lights that are not seen by it.
+// Of lights at infinity. A picture is transparent where the camera would see only lights that are not seen by
+// it.
 inline ParamSpec seen_by_camera_param() {
     constexpr double any = std::numeric_limits<double>::infinity();
     return {"seen_by_camera",

@@ -43,8 +43,8 @@ class Lights {
 
     bool empty() const { return choice_.empty(); }
 
-    // Samples a light and a point on it for the shading point `from`. random: three uniform numbers, the first
-    // for the choice of the light, the other two for the point on it.
+    // Samples a light and a point on it for the shading point `from`. random: three uniform numbers, the
+    // first for the choice of the light, the other two for the point on it.
     LightSample sample(const Vec3d& from, float time, const std::array<float, 3>& random) const;
 
     // Radiance of all lights at infinity along a ray that hits nothing. `weight(pdf)` is called for each

@@ -15,8 +15,9 @@ MeshLight make_mesh_light(const ParamSet& params) { return {color_of(params, "ra
 
 namespace {
 
-// Mean area of a triangle over the shutter, by Simpson's rule on each motion step. Vertices are linear over a step, so the area is
-// the length of a quadratic: if it is 0 at the three points, it is 0 throughout, and a triangle that ever shines is sampled.
+// Mean area of a triangle over the shutter, by Simpson's rule on each motion step. Vertices are linear over a
+// step, so the area is the length of a quadratic: if it is 0 at the three points, it is 0 throughout, and a
+// triangle that ever shines is sampled.
 double mean_area(const World& world, uint32_t mesh, uint32_t triangle) {
     const size_t steps = world.meshes[mesh].positions.size() - 1;
     const auto area_at = [&](double time) {

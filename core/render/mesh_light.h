@@ -11,9 +11,9 @@
 //   mesh = "panel"
 //   radiance = 12
 //
-// Triangles are sampled by their mean area over the shutter, points on them uniformly. The pdf uses the area of the
-// triangle at the ray's time: P(triangle) / area(t) . distance^2 / cos. Uniform point on a triangle: Turk,
-// "Graphics Gems", 1990.
+// Triangles are sampled by their mean area over the shutter, points on them uniformly. The pdf uses the area
+// of the triangle at the ray's time: P(triangle) / area(t) . distance^2 / cos. Uniform point on a triangle:
+// Turk, "Graphics Gems", 1990.
 #pragma once
 
 #include "core/render/distribution.h"

@@ -26,9 +26,9 @@ namespace marram {
 
 // Radiance as a function of the height y of the direction. Above the horizon it blends from horizon to zenith
 // by 1 - (1 - y)^3, which changes fastest near the horizon. Below, the land is seen through haze / -y of
-// optical depth, the path's through level layers of air: its share is exp(-haze / -y), and horizon is what the
-// air adds. An eye 100 m above the land in air of 30 km visibility (3.9 over its extinction, Koschmieder) has a
-// haze of 0.013. If all colours are equal, the result is exactly that colour everywhere.
+// optical depth, the path's through level layers of air: its share is exp(-haze / -y), and horizon is what
+// the air adds. An eye 100 m above the land in air of 30 km visibility (3.9 over its extinction, Koschmieder)
+// has a haze of 0.013. If all colours are equal, the result is exactly that colour everywhere.
 struct SkyLight {
     Vec3f zenith = Vec3f::Ones(), horizon = Vec3f::Ones(), ground = Vec3f::Ones();
     float strength = 1.0F, haze = 0.01F;

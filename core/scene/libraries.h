@@ -26,8 +26,9 @@ std::vector<LibraryName> scene_libraries(const std::string& file, const std::vec
 // colons, then the folder of the program, then the one that `cmake --install` uses.
 std::vector<std::string> plugin_folders();
 
-// Whether a library may be loaded. Its code runs with the user's rights, and a scene may come from anywhere. So it must lie
-// in one of plugin_folders() (links resolved, and not in a folder below) or be one of `allowed`.
+// Whether a library may be loaded. Its code runs with the user's rights, and a scene may come from anywhere.
+// So it must lie in one of plugin_folders() (links resolved, and not in a folder below) or be one of
+// `allowed`.
 bool is_allowed_library(const std::string& path, const std::vector<std::string>& allowed);
 
 // The file of a library that a scene in `folder` names: relative to that folder or, if there is no such file

@@ -95,9 +95,9 @@ const std::string* text_of_element(const toml::node& element, const char* key) {
     return text && text->is_string() ? &text->as_string()->get() : nullptr;
 }
 
-// The element that the steps from `i` on name, as in layer.field.edit: by its name or, without one, by its type. Names
-// win over types. Both may contain dots: the longest match is taken. Sets `used` to the number of steps of its name.
-// Reports and returns nullptr if there is none or several.
+// The element that the steps from `i` on name, as in layer.field.edit: by its name or, without one, by its
+// type. Names win over types. Both may contain dots: the longest match is taken. Sets `used` to the number of
+// steps of its name. Reports and returns nullptr if there is none or several.
 toml::node* named_element(toml::array& list, std::span<const Step> steps, size_t& used,
                           const std::string& source, const std::string& address, Reading& reading) {
     std::vector<std::string> names;

@@ -10,8 +10,8 @@
 namespace marram {
 
 // The candidate nearest to `name` by edits (insert, delete, replace, swap of neighbours; case ignored), or ""
-// if none is near enough: 1 edit for up to 3 letters, 2 for up to 7, 3 above. The first wins a tie. Some words of other
-// renderers are known: "spp" is near "samples".
+// if none is near enough: 1 edit for up to 3 letters, 2 for up to 7, 3 above. The first wins a tie. Some
+// words of other renderers are known: "spp" is near "samples".
 std::string nearest(std::string_view name, std::span<const std::string> candidates);
 
 // `did you mean "x"?`, or else `known are a, b, c and 4 more`. `there is no <noun>` if there are no

@@ -48,7 +48,8 @@ const BakedFormat* baked_format(const std::string& extension) {
     return found == std::end(baked_formats) ? nullptr : found;
 }
 
-// The only mesh of those given. kind: "terrain", for messages. Throws InputError if there is none or more than one.
+// The only mesh of those given. kind: "terrain", for messages. Throws InputError if there is none or more
+// than one.
 const MeshGeometry& only_one(const std::vector<const MeshGeometry*>& meshes, const std::string& output,
                              const std::string& kind) {
     if (meshes.empty()) throw InputError({output}, "the scene has no " + kind, "bake a scene with one");
@@ -67,7 +68,8 @@ std::vector<const MeshGeometry*> meshes_with_grids(const World& world) {
     return found;
 }
 
-// The surface that a procedural has made: one with grids before others. closed: only those that enclose a volume.
+// The surface that a procedural has made: one with grids before others. closed: only those that enclose a
+// volume.
 const MeshGeometry& baked_surface(const Shot& shot, const World& world, const std::string& output,
                                   bool closed) {
     std::vector<const MeshGeometry*> found = meshes_with_grids(world);

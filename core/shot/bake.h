@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Bakes a frame: settings to build it without motion; then writes its strands, or the surface or grids of a terrain.
+// Bakes a frame: settings to build it without motion; then writes its strands, or the surface or grids of a
+// terrain.
 //
 //   check_baked_formats(settings), check_baked_attributes(shot, settings.attributes)
 //   World world = build_world(shot.geometry, build_settings_for_bake(shot, settings, frame), ...)
@@ -23,7 +24,8 @@ struct BakeSettings {
     std::vector<std::string> attributes; // of curves, besides id
 };
 
-// Throws InputError for a format that is not written, or cannot hold what the settings name, and for an empty range.
+// Throws InputError for a format that is not written, or cannot hold what the settings name, and for an empty
+// range.
 void check_baked_formats(const BakeSettings& settings);
 
 // Throws InputError if the format holds strands and the scene makes none. After check_baked_formats().
@@ -38,11 +40,12 @@ BuildSettings build_settings_for_bake(const Shot& shot, const BakeSettings& sett
 // there is none, or more than one.
 const MeshGeometry& mesh_of_heights(const World& world, const std::string& file);
 
-// Writes the strands. For the formats of images, and for .obj and .ply of a scene without strands, writes the only
-// mesh with grids; for .ply also if the scene has both. file: settings.output with the number of the frame. Throws
-// InputError if the world has nothing for this format, if settings.attributes are asked of a surface, or if the
-// file cannot be written. settings.what decides between strands and a surface where a format holds both. Returns
-// warnings: that the scene has the other as well, and heights outside settings.range.
+// Writes the strands. For the formats of images, and for .obj and .ply of a scene without strands, writes the
+// only mesh with grids; for .ply also if the scene has both. file: settings.output with the number of the
+// frame. Throws InputError if the world has nothing for this format, if settings.attributes are asked of a
+// surface, or if the file cannot be written. settings.what decides between strands and a surface where a
+// format holds both. Returns warnings: that the scene has the other as well, and heights outside
+// settings.range.
 std::vector<std::string> write_baked(const Shot& shot, const World& world, const BakeSettings& settings,
                                      const std::string& file);
 

@@ -17,8 +17,8 @@ struct LayerPicture {
     std::optional<ValueRange> range; // values mapped to black and white; none: natural_range()
 };
 
-// Parses the value of --png, "depth:0-20=depth.####.png": a layer, the values mapped to black and white, a file.
-// Without a range: "normal=n.png". Throws InputError with the column of the mistake.
+// Parses the value of --png, "depth:0-20=depth.####.png": a layer, the values mapped to black and white, a
+// file. Without a range: "normal=n.png". Throws InputError with the column of the mistake.
 LayerPicture parse_layer_picture(const std::string& text);
 
 // The natural range of a layer: 0 to 1 for beauty, albedo, alpha and strand_u, -1 to 1 for normals. nullopt

@@ -14,8 +14,8 @@ std::vector<std::string> check_materials(const Shot& shot);
 // procedural, has no uvs.
 void check_root_uvs(const Shot& shot, const World& world);
 
-// Warnings about images of materials and the unit squares of uv that meshes and strands use: tiles that an image lacks, and a
-// single tile ("fur.1001.png") that repeats over other squares.
+// Warnings about images of materials and the unit squares of uv that meshes and strands use: tiles that an
+// image lacks, and a single tile ("fur.1001.png") that repeats over other squares.
 std::vector<std::string> check_tiles(const Shot& shot, const World& world);
 
 } // namespace marram

@@ -24,7 +24,8 @@ void add_tables(Keys& keys, const Schema& schema) {
     add_declared(keys, "wind.", schema.wind);
 }
 
-// The first list of a key and its element: "layer[2]." of layer[2].mask. Empty: none, or a list within a list.
+// The first list of a key and its element: "layer[2]." of layer[2].mask. Empty: none, or a list within a
+// list.
 std::string element_of(const std::string& key) {
     const size_t open = key.find('['), close = key.find("].");
     const bool nested = close != std::string::npos && key.find('[', close) != std::string::npos;
@@ -32,8 +33,9 @@ std::string element_of(const std::string& key) {
                                                                              : key.substr(0, close + 2);
 }
 
-// What --set calls the elements of lists: "layer[2]." is "layer.crest.". Those that it cannot call so have only their
-// number: names with the signs of its syntax, equal ones, and those that another name goes on from.
+// What --set calls the elements of lists: "layer[2]." is "layer.crest.". Those that it cannot call so have
+// only their number: names with the signs of its syntax, equal ones, and those that another name goes on
+// from.
 std::map<std::string, std::string> named_elements(const ParamSet& params) {
     struct Name {
         std::string list, text;

@@ -17,8 +17,8 @@ namespace marram {
 // file_frames is given.
 std::vector<std::pair<double, std::string>> numbered_files(const Item& item);
 
-// Throws InputError, with the place of the table if the error is not in a file. Adds one line to `warnings` for each
-// fault of a file that is corrected or may be one, such as holes of heights or sides that disagree.
+// Throws InputError, with the place of the table if the error is not in a file. Adds one line to `warnings`
+// for each fault of a file that is corrected or may be one, such as holes of heights or sides that disagree.
 Mesh load_scene_mesh(const Item& item, std::vector<std::string>& warnings);
 
 // Loads a [[curves]] table. fps: frames per second, for strand files with times. Adds one line to `warnings`

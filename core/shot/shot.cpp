@@ -203,8 +203,8 @@ PluginSet default_plugins() {
     return plugins;
 }
 
-// Loads the libraries that the scene names and may load, then reads the scene with all that they declare. If a library is
-// missing, its types are unknown too: this is not reported as another mistake.
+// Loads the libraries that the scene names and may load, then reads the scene with all that they declare. If
+// a library is missing, its types are unknown too: this is not reported as another mistake.
 SceneDescription describe_scene(const std::string& file, const std::vector<std::string>& settings,
                                 PluginSet& plugins) {
     std::vector<LibraryName> missing;

@@ -27,8 +27,8 @@ struct PluginSet {
 PluginSet default_plugins();
 
 // Reads the scene file, but not the meshes and images that it names. Adds the libraries that it names to
-// `plugins`, which must outlive the description. Throws InputError with all mistakes found, libraries that may not be
-// loaded among them.
+// `plugins`, which must outlive the description. Throws InputError with all mistakes found, libraries that
+// may not be loaded among them.
 SceneDescription describe_scene(const std::string& file, const std::vector<std::string>& settings,
                                 PluginSet& plugins);
 
@@ -57,12 +57,12 @@ struct Overrides {
 // all mistakes found.
 Shot load_shot(const std::string& file, const Overrides& overrides, const std::atomic<bool>& cancel);
 
-// To be called before the world of a frame is built: strands that change in number become those of the frame, and
-// procedurals that use them are told. Throws InputError if one of these rejects them.
+// To be called before the world of a frame is built: strands that change in number become those of the frame,
+// and procedurals that use them are told. Throws InputError if one of these rejects them.
 void select_takes(Shot& shot, double frame);
 
-// True if pictures have transparent parts: no light at infinity is seen by the camera though there is one, or a mesh is a shadow
-// catcher.
+// True if pictures have transparent parts: no light at infinity is seen by the camera though there is one, or
+// a mesh is a shadow catcher.
 bool is_transparent(const Shot& shot);
 
 // Paths of the scene file and of all files that it names.

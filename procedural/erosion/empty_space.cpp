@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Occupied cells are found from blocks of an octree down: Embree's point query calls back for every primitive in a
-// leaf whose bounds touch a sphere; a block of cells is empty if none is called for its circumscribed
-// sphere. Only leaf entries are read, no vertices. Embree does not call back for curves, points and subdivision
-// surfaces.
+// Occupied cells are found from blocks of an octree down: Embree's point query calls back for every primitive
+// in a leaf whose bounds touch a sphere; a block of cells is empty if none is called for its circumscribed
+// sphere. Only leaf entries are read, no vertices. Embree does not call back for curves, points and
+// subdivision surfaces.
 //
 // Each cell has the radius of an empty ball around its centre, so that a point at the distance r from the centre has
 // that radius less r. Between the centre of a cell and another cell whose index differs by i, j and k lie
@@ -12,7 +12,8 @@
 // is known to be empty, the radius is then enlarged by bisection with point queries: around 1.5 10^6 triangles this saves
 // 0.7 of 3.4 rays a grain.
 //
-// Rounding. Embree works in floats: the spheres are wider by 2^-20 of the largest coordinate and the longest edge.
+// Rounding. Embree works in floats: the spheres are wider by 2^-20 of the largest coordinate and the longest
+// edge.
 #include "procedural/erosion/empty_space.h"
 
 #include "procedural/parallel.h"
@@ -98,8 +99,8 @@ void transform_line(int* line, size_t stride, int count, std::vector<int>& copy)
 
 MARRAM_INLINE VFloat as_float(VInt x) { return __builtin_convertvector(x, VFloat); }
 
-// How long the parabolas stay at least in the balls around their points at t that are empty. Within a ball of radius `free`
-// that is 2 free / (v + sqrt(v^2 + 2 g free)).
+// How long the parabolas stay at least in the balls around their points at t that are empty. Within a ball of
+// radius `free` that is 2 free / (v + sqrt(v^2 + 2 g free)).
 MARRAM_INLINE VFloat clear_time(const EmptySpaceGrid& grid, const Parabolas8& p, VFloat t) {
     const VFloat fall = t * p.gravity;
     VFloat to_centre{}, outside{}, squared{}; // squares: of distances and velocity

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// How far a point is from the meshes, user geometries and instances in an Embree scene: a lower bound, from a coarse
-// grid. What flies through empty space needs no rays there.
+// How far a point is from the meshes, user geometries and instances in an Embree scene: a lower bound, from a
+// coarse grid. What flies through empty space needs no rays there.
 #pragma once
 
 #include "core/math/simd.h"
@@ -31,7 +31,8 @@ struct EmptySpaceGrid {
     float high[3] = {};                                     // its extent, m
     float cell = 0.0F, cells_per_metre = 0.0F, code = 0.0F; // m, 1/m, m
     int count[3] = {};
-    // [z][y][x], radii of empty balls around the cells' centres in units of `code`; none where nothing is known.
+    // [z][y][x], radii of empty balls around the cells' centres in units of `code`; none where nothing is
+    // known.
     std::vector<uint8_t> codes;
 };
 
@@ -39,15 +40,16 @@ class EmptySpace {
   public:
     EmptySpace() = default; // nothing is known to be empty
 
-    // What lies outside `box` may be missed, and so are curves, points and subdivision surfaces. `cells`: along its
-    // longest edge, 1 to 128. 64 take 75 ms on two cores around 1.5 10^6 triangles, and 256 kB.
+    // What lies outside `box` may be missed, and so are curves, points and subdivision surfaces. `cells`:
+    // along its longest edge, 1 to 128. 64 take 75 ms on two cores around 1.5 10^6 triangles, and 256 kB.
     EmptySpace(RTCScene scene, const Eigen::AlignedBox3d& box, int cells);
 
     const Vec3d& low() const { return low_; }
-    // Moves `t_clear` on in each of sixteen parabolas by `steps`, 1 or more, each as far as it stays in a ball that is
-    // empty at the first motion sample (later ones are not looked at). The ball's radius is a lower bound: at most 255/8
-    // cells; below that, for points inside the grid, too small by at most 3.5 cells and the extent of a leaf of Embree's BVH,
-    // and on average by half a cell within two cells of something.
+    // Moves `t_clear` on in each of sixteen parabolas by `steps`, 1 or more, each as far as it stays in a
+    // ball that is empty at the first motion sample (later ones are not looked at). The ball's radius is a
+    // lower bound: at most 255/8 cells; below that, for points inside the grid, too small by at most 3.5
+    // cells and the extent of a leaf of Embree's BVH, and on average by half a cell within two cells of
+    // something.
     void step(ParabolaPair& parabolas, int steps) const;
 
   private:

@@ -40,8 +40,8 @@
 //
 // Limits. Years matter only on the first level: finer levels depend on the ratio of wear between neighbouring
 // places, not on its amount. Rock thinner than a voxel of the first level is lost there, and so on all
-// levels. Cavities within the rock are filled. Hardness is that of places in the scene, not of the rock: a mesh that
-// moves from frame to frame is eroded anew in each, through other strata.
+// levels. Cavities within the rock are filled. Hardness is that of places in the scene, not of the rock: a
+// mesh that moves from frame to frame is eroded anew in each, through other strata.
 //
 // Cost of a pass: tracing, 2 s on one core for 10^6 grains around a ball of 1.5 10^6 triangles, and 2.5 s on
 // one core for the level set in a grid of 512^3 (build/marram_bench). A finer level takes 8 passes; the

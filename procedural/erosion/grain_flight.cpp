@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// Eight grains are computed side by side, a grain a lane: with level sand around a rock a grain starts six arcs, most
-// of them from sand. The grains themselves are structs that are read from and written to lanes, as eight neighbours
-// rarely meet the next event together. Two times eight are one batch: nothing of the second eight waits for the first, so
-// a processor computes them at the same time. What comes next for a grain is found without a branch, as it cannot be predicted.
+// Eight grains are computed side by side, a grain a lane: with level sand around a rock a grain starts six
+// arcs, most of them from sand. The grains themselves are structs that are read from and written to lanes, as
+// eight neighbours rarely meet the next event together. Two times eight are one batch: nothing of the second
+// eight waits for the first, so a processor computes them at the same time. What comes next for a grain is
+// found without a branch, as it cannot be predicted.
 #include "procedural/erosion/grain_flight.h"
 
 #include "core/math/hash.h"
@@ -36,7 +37,8 @@ struct alignas(64) Rays8 {
 // sqrt(-2 ln(1 - u)): 1 - u is exact, as u is a multiple of 2^-32.
 MARRAM_INLINE VDouble rayleigh(const VDouble& u) { return vsqrt(-2.0 * vlog(1.0 - u)); }
 
-// -ln(1 - x), 0 <= x < 1: inverts the distribution 1 - e^-h. Error < 1e-14 relative: near 0 by the series of atanh.
+// -ln(1 - x), 0 <= x < 1: inverts the distribution 1 - e^-h. Error < 1e-14 relative: near 0 by the series of
+// atanh.
 MARRAM_INLINE VDouble exponential_quantile(const VDouble& x) {
     const VDouble z = x / (2.0 - x), w = z * z;
     VDouble p = splat(1.0 / 11.0);
@@ -108,7 +110,8 @@ MARRAM_INLINE void find_ejections(const GrainTracer& tracer, const EventKeys8& k
 
 // ---- arcs ----
 
-// The time at which q + v t - g t^2 / 2 falls to `low`, g >= 0. For q < low: the time of return to q, 0 if v <= 0.
+// The time at which q + v t - g t^2 / 2 falls to `low`, g >= 0. For q < low: the time of return to q, 0 if v
+// <= 0.
 MARRAM_INLINE VDouble time_to_fall(const VDouble& q, const VDouble& v, const VDouble& g, double low) {
     const VDouble drop = vmax(q - low, 0.0), root = vsqrt(v * v + 2.0 * g * drop);
     const VLong rises = v > 0.0;
@@ -174,8 +177,8 @@ MARRAM_INLINE void find_arc_ends_with_drag(const GrainTracer& tracer, Grains8& g
     if (const auto& ground = tracer.settings.ground) {
         lands = g.end_x.y < *ground;
         if (any(lands)) {
-            // Newton's iteration, from where a parabola with the acceleration at the start lands: hops can be much
-            // shorter than a chord, and from where the chord meets the sand they would take many steps.
+            // Newton's iteration, from where a parabola with the acceleration at the start lands: hops can be
+            // much shorter than a chord, and from where the chord meets the sand they would take many steps.
             const VDouble begin = time_to_fall(g.x.y, g.v.y, vmax(-g.acceleration.y, 0.0), *ground);
             g.end = select(lands, vmin(begin, g.first_chord_time), g.end);
             find_end_state(tau, g);
@@ -215,8 +218,8 @@ MARRAM_INLINE float gravity_of_parabolas(const GrainTracer& tracer) {
     return tracer.settings.drag_time > 0.0 ? 0.0F : float(tracer.settings.gravity);
 }
 
-// With drag the only chord is straight, and may leave the box: what is outside is not known to be empty. The rounding of arcs
-// to floats, in proportion to `arc_length`, is part of the clearance.
+// With drag the only chord is straight, and may leave the box: what is outside is not known to be empty. The
+// rounding of arcs to floats, in proportion to `arc_length`, is part of the clearance.
 MARRAM_INLINE void set_parabolas(const GrainTracer& tracer, const VDouble& arc_length, const Grains8& g,
                                  Parabolas8& p) {
     const bool drags = tracer.settings.drag_time > 0.0;
@@ -234,7 +237,8 @@ MARRAM_INLINE void set_parabolas(const GrainTracer& tracer, const VDouble& arc_l
                        low_32_bits(to_double(end) < g.end)); // the first float that is not before the end
     p.t_clear = VFloat{};
     p.gravity = gravity_of_parabolas(tracer);
-    // No step is long enough where a ray is needed: the hook wants them all, and outside the box nothing is known.
+    // No step is long enough where a ray is needed: the hook wants them all, and outside the box nothing is
+    // known.
     VLong needs_ray = tracer.hooks.rays ? all_lanes : VLong{};
     if (drags)
         needs_ray = needs_ray | is_outside_horizontally(tracer.box, g.x) |

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Grains between two events, up to sixteen at a time: their start, their leaving of sand, the arc to the next event, and rays
-// along it. Internal to the tracer of grains. The model is documented in grains.cpp.
+// Grains between two events, up to sixteen at a time: their start, their leaving of sand, the arc to the next
+// event, and rays along it. Internal to the tracer of grains. The model is documented in grains.cpp.
 #pragma once
 
 #include "core/math/simd.h"
@@ -15,8 +15,9 @@ namespace marram {
 
 enum class ArcEnd : uint8_t { goes_on, lands, leaves, gives_up };
 
-// What is to be done with a grain next: start an arc, leave the sand on which it has landed, follow its arc through empty
-// space, trace a ray along it, end its flight (it has left the box or gives up). none: it has ended.
+// What is to be done with a grain next: start an arc, leave the sand on which it has landed, follow its arc
+// through empty space, trace a ray along it, end its flight (it has left the box or gives up). none: it has
+// ended.
 enum class Next : uint8_t { start_arc, leave_sand, fly, trace_ray, end_flight, none };
 inline constexpr size_t next_count = size_t(Next::none) + 1;
 
@@ -30,8 +31,8 @@ struct GrainArcEnd {
     GrainSide side = GrainSide::downwind; // by which it leaves
 };
 
-// The test of an arc for empty space: a lane of Parabolas8 (gravity is that of the trace). Its first eight floats are read
-// and written together.
+// The test of an arc for empty space: a lane of Parabolas8 (gravity is that of the trace). Its first eight
+// floats are read and written together.
 struct GrainParabola {
     float x[3], v[3], t_max, min_step;
     float clearance, t_clear; // nothing is hit before t_clear
@@ -39,9 +40,9 @@ struct GrainParabola {
 };
 static_assert(offsetof(GrainParabola, min_step) == 7 * sizeof(float));
 
-// A grain on an arc, which runs from one event to the next, at `end` if nothing is hit. A hit sets `end` and `normal` to its
-// own. The next arc begins there, with chords_left - end.chords. The order of members matters: load_four() and store_four()
-// move a vector and the double that follows it together.
+// A grain on an arc, which runs from one event to the next, at `end` if nothing is hit. A hit sets `end` and
+// `normal` to its own. The next arc begins there, with chords_left - end.chords. The order of members
+// matters: load_four() and store_four() move a vector and the double that follows it together.
 struct Grain {
     Vec3d x; // at the start of the arc
     double first_chord_time = 0.0;
@@ -84,8 +85,8 @@ using NextOfGrains = std::array<Next, grains_at_once>;
 
 EventSeeds event_seeds(uint32_t seed, uint32_t event);
 
-// The paths of a block, in an order in which neighbours start near each other, so that they hit near each other:
-// memory that one has read is then in the cache for the next.
+// The paths of a block, in an order in which neighbours start near each other, so that they hit near each
+// other: memory that one has read is then in the cache for the next.
 std::vector<uint32_t> ordered_paths(const GrainTracer& tracer, uint64_t first, uint64_t end);
 
 // The state of a batch at the ends of its arcs. Lanes without a grain repeat the first.
@@ -103,8 +104,8 @@ void start_arcs(const GrainTracer& tracer, GrainBatch grains, Grains16& g, NextO
 // Follows arcs by a few steps through empty space.
 void follow_arcs(const GrainTracer& tracer, GrainBatch grains, NextOfGrains& next);
 
-// Of up to eight grains. Sets `chord` and its ends to the chord that contains t_clear, and rays along them. Returns bits of
-// grains whose ray is not valid: they are too far from the origin, or the chord is too long.
+// Of up to eight grains. Sets `chord` and its ends to the chord that contains t_clear, and rays along them.
+// Returns bits of grains whose ray is not valid: they are too far from the origin, or the chord is too long.
 uint32_t set_rays(const GrainTracer& tracer, GrainBatch grains, std::span<RTCRayHit> rays);
 
 } // namespace marram

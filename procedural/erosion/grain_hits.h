@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Grains that hit surfaces, up to eight at a time: where, how fast, and how they rebound. Internal to the tracer of grains.
-// The model is documented in grains.cpp.
+// Grains that hit surfaces, up to eight at a time: where, how fast, and how they rebound. Internal to the
+// tracer of grains. The model is documented in grains.cpp.
 #pragma once
 
 #include "procedural/erosion/grain_flight.h"
@@ -33,8 +33,8 @@ inline unsigned lent_id(const RTCRayHit& ray) {
 
 WornPlace worn_place(const GrainTracer& tracer, const RTCRayHit& ray);
 
-// Hits access memory at random. Prefetching saves a quarter of their time on a million triangles: the indices of a triangle
-// first, what they lead to while later rays are traced.
+// Hits access memory at random. Prefetching saves a quarter of their time on a million triangles: the indices
+// of a triangle first, what they lead to while later rays are traced.
 void prefetch_triangle(const GrainTracer& tracer, const WornPlace& place);
 void prefetch_corners(const GrainTracer& tracer, const WornPlace& place);
 

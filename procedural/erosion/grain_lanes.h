@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What grain_flight.cpp and grain_hits.cpp share: grains to lanes; lengths, random numbers and exponentials in lanes.
+// What grain_flight.cpp and grain_hits.cpp share: grains to lanes; lengths, random numbers and exponentials
+// in lanes.
 #pragma once
 
 #include "procedural/erosion/grain_flight.h"
@@ -95,7 +96,8 @@ inline void set_keys(const GrainTracer& tracer, const Grain& grain, uint32_t eve
     keys.scrambling[0][lane] = seeds.scrambling[0], keys.scrambling[1][lane] = seeds.scrambling[1];
 }
 
-// Two random numbers for an event of a path: Sobol dimensions 0 and 1 at an index that is Owen-shuffled for each event.
+// Two random numbers for an event of a path: Sobol dimensions 0 and 1 at an index that is Owen-shuffled for
+// each event.
 MARRAM_INLINE void event_numbers(const EventKeys8& keys, VDouble& u0, VDouble& u1) {
     const VUint index = owen_shuffle(keys.path, keys.order);
     u0 = unit_numbers(owen_shuffle(reversed_bits(index), keys.scrambling[0]));

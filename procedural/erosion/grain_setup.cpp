@@ -107,8 +107,8 @@ bool find_grain_box(GrainTracer& tracer) {
     return true;
 }
 
-// Of the box in which grains fly, and what is above it, as far as there is anything. The more paths, the more rays a
-// fine grid saves.
+// Of the box in which grains fly, and what is above it, as far as there is anything. The more paths, the more
+// rays a fine grid saves.
 void find_empty_space(GrainTracer& tracer) {
     const GrainBox& box = tracer.box;
     RTCBounds bounds{};

@@ -17,18 +17,19 @@
 // is how pedestals form (Anderson 1986). With r = speed_height / H the maximum is at
 //     h = -speed_height ln((speed / (speed - bed_speed)) / (1 + 2 / r)).
 //
-// Flight. dv/dt = -g y + (v_air - v) / drag_time, v_air = v(h) along the wind. An arc leads from one event to the
-// next. Without drag it is a parabola, and ends where it leaves the box or meets level sand: roots of polynomials.
-// With drag v_air is constant in an arc, which has one chord:
+// Flight. dv/dt = -g y + (v_air - v) / drag_time, v_air = v(h) along the wind. An arc leads from one event to
+// the next. Without drag it is a parabola, and ends where it leaves the box or meets level sand: roots of
+// polynomials. With drag v_air is constant in an arc, which has one chord:
 //     x(t) = x + V t + (v - V) tau (1 - exp(-t / tau)),   V = v_air - g tau y   (tau = drag_time; V: final velocity).
-// Rays follow chords of arcs. The sagitta of a chord of duration dt is at most |a| dt^2 / 8, limited by path_error.
-// The first chord from a surface lasts at most v.n / -a.n, half a hop over the plane of that surface; a longer one
-// would enter it. Obstacles do not affect the air: eddies in a lee do not drag grains.
+// Rays follow chords of arcs. The sagitta of a chord of duration dt is at most |a| dt^2 / 8, limited by
+// path_error. The first chord from a surface lasts at most v.n / -a.n, half a hop over the plane of that
+// surface; a longer one would enter it. Obstacles do not affect the air: eddies in a lee do not drag grains.
 //
-// Empty space (empty_space.h). A chord that stays in a ball with nothing in it needs no ray. Where chords begin and
-// end does not depend on what is known of empty space, so the result is the same bits without it.
+// Empty space (empty_space.h). A chord that stays in a ball with nothing in it needs no ray. Where chords
+// begin and end does not depend on what is known of empty space, so the result is the same bits without it.
 //
-// Wear of a hit at the angle A to the surface, for E = v^2 / 2 (J per kg of sand), in m^3 of rock per kg of sand:
+// Wear of a hit at the angle A to the surface, for E = v^2 / 2 (J per kg of sand), in m^3 of rock per kg of
+// sand:
 //     max(E sin^n A - Ec, 0) / energy_per_volume,   Ec = threshold_speed^2 / 2,   n = angle_exponent.
 // n = 0: in proportion to the total energy (Anderson 1986), n = 2: to that normal to the surface, as brittle
 // rock wears (Sklar and Dietrich 2004). Below the threshold grains rebound without wear (Bridges et al.
@@ -63,8 +64,8 @@
 // Owen-scrambled by hashes of the seed. Event k of a path reuses the first two dimensions, scrambled and
 // shuffled by hashes of the seed and k (Burley 2020): sobol.h.
 //
-// Ray origins are offset from a surface by the error bound of the hit point, 2 U (c + l q): grain_hits.cpp. Segments
-// overlap by the rounding of their ends, so that no hit is missed between two segments.
+// Ray origins are offset from a surface by the error bound of the hit point, 2 U (c + l q): grain_hits.cpp.
+// Segments overlap by the rounding of their ends, so that no hit is missed between two segments.
 //
 // Limits. Grains do not collide or spin, and have one size; rock does not change during a trace. Meshes are
 // read at their first motion sample.
@@ -217,9 +218,9 @@ Next handle_hit(GrainTracer& tracer, GrainCounts& counts, Grain& grain, const Gr
     return grazes(counts, grain, hit); // the chord hits a surface that the path is leaving
 }
 
-// Handles grains in batches: sixteen that start, leave sand, begin an arc or fly on, eight that need a ray or have hit
-// something, and up to 40 rays. Between two batches a grain waits for what is to be done next. New grains start only if nothing
-// else fills a batch, which bounds their number.
+// Handles grains in batches: sixteen that start, leave sand, begin an arc or fly on, eight that need a ray or
+// have hit something, and up to 40 rays. Between two batches a grain waits for what is to be done next. New
+// grains start only if nothing else fills a batch, which bounds their number.
 class GrainWavefront {
   public:
     GrainWavefront(GrainTracer& tracer, uint64_t first, uint64_t end, GrainCounts& counts)

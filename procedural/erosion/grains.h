@@ -25,8 +25,8 @@ struct WornMesh {
     size_t vertex_count = 0;
     const uint32_t* triangles = nullptr; // 3 per triangle, in the order of the scene
     size_t triangle_count = 0;
-    // In the scene each two triangles a b c and a c d are one of Embree's quads, d a b c. Must agree with the scene: otherwise
-    // other triangles wear than those that are hit.
+    // In the scene each two triangles a b c and a c d are one of Embree's quads, d a b c. Must agree with the
+    // scene: otherwise other triangles wear than those that are hit.
     bool quads = false;
 };
 
@@ -99,7 +99,8 @@ struct GrainReport {
 
 struct GrainHooks {
     std::function<bool()> cancelled; // polled often, from any thread
-    // Receives every batch of rays before it is traced, from any thread: for measurements. Then every chord is traced.
+    // Receives every batch of rays before it is traced, from any thread: for measurements. Then every chord
+    // is traced.
     std::function<void(std::span<const RTCRayHit>)> rays;
 };
 

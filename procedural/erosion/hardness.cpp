@@ -16,8 +16,8 @@
 // an interval of s of the length of the footprint, bed by bed. Beds thinner than 1/16 of the footprint
 // contribute their mean. Octaves of the noise shorter than two footprints are omitted.
 //
-// Masks: w = 1 inside the ellipsoid, 0 outside, with a smooth transition over `edge` of its radius. Where many overlap, the
-// product is kept between 1e-30 and 1e30.
+// Masks: w = 1 inside the ellipsoid, 0 outside, with a smooth transition over `edge` of its radius. Where
+// many overlap, the product is kept between 1e-30 and 1e30.
 //
 // Limits: the rates of beds and laminae are averaged separately, not their product. Cost: about 60 ns per
 // point on one core with beds and noise.

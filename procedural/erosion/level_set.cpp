@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Rock as a level set. Signed distance phi (metres, negative in rock) on a sparse grid of cubic voxels of
-// edge h, stored by OpenVDB in a narrow band of 3 h on both sides of the surface. This is the only file of the
-// plug-in that includes OpenVDB.
+// edge h, stored by OpenVDB in a narrow band of 3 h on both sides of the surface. This is the only file of
+// the plug-in that includes OpenVDB.
 //
 // Mesh. One vertex in each cell of eight voxels that the surface crosses, and one quad around each edge whose
 // ends have opposite signs (surface nets: S. Gibson, "Constrained Elastic Surface Nets", MICCAI 1998). A
@@ -272,7 +272,8 @@ MARRAM_INLINE VInt beside_surface(const float* p, int x, int y) {
     return differ;
 }
 
-// Distances of voxels beside the surface, in voxels: phi / |grad phi|. See "Renormalisation" at the top of the file.
+// Distances of voxels beside the surface, in voxels: phi / |grad phi|. See "Renormalisation" at the top of
+// the file.
 MARRAM_INLINE VFloat subcell_distance(const float* p, int x, int y) {
     const VFloat phi = vload(p);
     VFloat square = {};
@@ -328,7 +329,8 @@ MARRAM_INLINE void for_active_rows(const RowBits& rows, const Block<halo, float>
         }
 }
 
-// The distances beside the surface, to `to`, which holds those of now. before: those before the wear, or null.
+// The distances beside the surface, to `to`, which holds those of now. before: those before the wear, or
+// null.
 MARRAM_HOT void place_surface(const RowBits& rows, const Block<1, float>& phi, const float* before,
                               float* to) {
     constexpr int x = Block<1, float>::step_i, y = Block<1, float>::step_j;
@@ -358,7 +360,8 @@ MARRAM_HOT void relax(const RowBits& rows, const Block<2, float>& phi, const flo
     });
 }
 
-// update(active voxels, block around a leaf, its values before the wear or null, its new values) for each leaf.
+// update(active voxels, block around a leaf, its values before the wear or null, its new values) for each
+// leaf.
 template <int halo, typename F>
 void update_leaves(FloatTree& tree, Leaves& leaves, bool worn, F&& update) {
     for_leaves(leaves, [&](size_t begin, size_t end) {

@@ -33,8 +33,8 @@
 // With `levels` the mesh is eroded for `years` as a level set (erosion.cpp): it must be closed. The first
 // level is coarse; each further level halves the voxel size, keeps the shape and adds detail. `level` stops
 // at one of them for a fast preview: its shape is the smoothed final shape. `winds` replace the scene's wind
-// and share the time; two winds make a keel. The output mesh has no uvs. A host keeps the result as a state, so
-// that further frames and later runs do not erode again.
+// and share the time; two winds make a keel. The output mesh has no uvs. A host keeps the result as a state,
+// so that further frames and later runs do not erode again.
 //
 //     [[procedural]]
 //     type = "rock"
@@ -55,11 +55,11 @@
 //     hardness = 5
 //
 // With `map`, wear and wear_rate are also baked to images by uv; `marram bake -o wear.exr` writes them. Row 0
-// is v = 1. A pixel takes the value of the triangle at its centre, the greatest if there are several; two pixels around
-// each island are filled with the mean of their neighbours. uvs are within 0 to 1.
+// is v = 1. A pixel takes the value of the triangle at its centre, the greatest if there are several; two
+// pixels around each island are filled with the mean of their neighbours. uvs are within 0 to 1.
 //
-// Cost: about a million rays per second and core; a grain takes 2 to 10, more in cavities. The noise at a vertex falls
-// with the square root of the number of grains that hit its triangles.
+// Cost: about a million rays per second and core; a grain takes 2 to 10, more in cavities. The noise at a
+// vertex falls with the square root of the number of grains that hit its triangles.
 #include "procedural/border.h"
 #include "procedural/erosion/rock_instance.h"
 #include "procedural/erosion/rock_values.h"

@@ -101,8 +101,8 @@ constexpr double least_piece = 1e-3;
 // How far the volume of the first level, before wear, may be from that of the rock, relative to it.
 constexpr double most_coarse = 0.1;
 
-// The frame of the first rock that is kept, so that every frame finds it. Its digest tells whether it is the rock of
-// that frame: always, if the inputs do not move.
+// The frame of the first rock that is kept, so that every frame finds it. Its digest tells whether it is the
+// rock of that frame: always, if the inputs do not move.
 constexpr double before_all_frames = -1e9;
 
 struct RockSurroundings {

@@ -62,19 +62,19 @@ struct RockInstance : Instance {
     void report(const ReportSink& sink) const;
 };
 
-// Computes the output unless it is up to date: the mesh, its attributes and images by uv (rock_evaluation.cpp).
-// `meshes`: those of the frame. `states`: an eroded rock that the host has kept is taken, a new one is kept; may be
-// NULL. Throws SceneFault.
+// Computes the output unless it is up to date: the mesh, its attributes and images by uv
+// (rock_evaluation.cpp). `meshes`: those of the frame. `states`: an eroded rock that the host has kept is
+// taken, a new one is kept; may be NULL. Throws SceneFault.
 void evaluate_rock(RockInstance& instance, const Values& values, const MarramFrame& frame,
                    std::span<const MarramMesh> meshes, const MarramStates* states);
 
-// The output of an eroded rock as bytes, and back (rock_state.cpp). read_rock_state() returns false, and leaves the
-// instance as it was, if the bytes are not those of a rock with this digest.
+// The output of an eroded rock as bytes, and back (rock_state.cpp). read_rock_state() returns false, and
+// leaves the instance as it was, if the bytes are not those of a rock with this digest.
 std::vector<char> write_rock_state(const RockInstance& instance, uint64_t digest);
 bool read_rock_state(std::span<const char> bytes, uint64_t digest, RockInstance& instance);
 
-// Bakes wear and wear_rate to images by uv, `map` pixels a side; 0: to none (rock_maps.cpp). Throws SceneFault
-// if the mesh has no uvs.
+// Bakes wear and wear_rate to images by uv, `map` pixels a side; 0: to none (rock_maps.cpp). Throws
+// SceneFault if the mesh has no uvs.
 void make_rock_maps(RockInstance& instance, const Values& values);
 
 } // namespace marram

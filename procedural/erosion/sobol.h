@@ -36,8 +36,8 @@ MARRAM_INLINE constexpr V owen_shuffle(V x, Seed seed) {
     return reversed_bits(x);
 }
 
-// Dimension 1, without tables. Reversed, direction number k is the polynomial (1 + x)^k over GF(2), so a point is its
-// index at 1 + x, which halving finds: (1 + x)^16 = 1 + x^16.
+// Dimension 1, without tables. Reversed, direction number k is the polynomial (1 + x)^k over GF(2), so a
+// point is its index at 1 + x, which halving finds: (1 + x)^16 = 1 + x^16.
 template <typename V>
 MARRAM_INLINE constexpr V sobol_1(V index) {
     index ^= (index >> 16) & 0x0000ffffU;

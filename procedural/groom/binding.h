@@ -44,7 +44,8 @@ struct Binding {
 Binding bind_strands(const LentCurves& curves, const float* vertices, const Surface& bind,
                      uint32_t vertex_count, const std::function<bool()>& cancelled);
 
-// What is wrong with where most roots are, if anything: strands that run from tip to root, or lie far from the surface.
+// What is wrong with where most roots are, if anything: strands that run from tip to root, or lie far from
+// the surface.
 struct RootProblem {
     std::string id, what, fix; // id: "far" or "reversed"; "": nothing is wrong
 };

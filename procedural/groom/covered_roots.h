@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Roots that another mesh covers, such as grass under a house: a strand there has no room, and collision can only
-// report it.
+// Roots that another mesh covers, such as grass under a house: a strand there has no room, and collision can
+// only report it.
 //
 // A root is covered if a colliding mesh
 //
@@ -13,9 +13,9 @@
 // A face in the lower half of that line that looks the way of the strand does not cover it, unless its mesh
 // encloses the root: the strand stands on it, as grass does on ground in the same plane as its skin.
 //
-// Roots are placed once a shot. So only meshes that do not move can cover roots, and only on a mesh that does not
-// move. Instances of a mesh have its roots: one that is covered on the mesh is free on an instance. So all roots
-// of a mesh with instances stay, and a warning tells of those that are covered on the mesh itself.
+// Roots are placed once a shot. So only meshes that do not move can cover roots, and only on a mesh that does
+// not move. Instances of a mesh have its roots: one that is covered on the mesh is free on an instance. So
+// all roots of a mesh with instances stay, and a warning tells of those that are covered on the mesh itself.
 #pragma once
 
 #include "core/math/vec.h"
@@ -44,7 +44,8 @@ struct Cover {
     Vec3d place = Vec3d::Zero(); // of the first
 };
 
-// Finds covered roots. Cost: a short ray a root, and six rays that cross all meshes for those within the bounds of one.
+// Finds covered roots. Cost: a short ray a root, and six rays that cross all meshes for those within the
+// bounds of one.
 class RootCover {
   public:
     RootCover(RTCDevice device, std::vector<const MarramMesh*> meshes);

@@ -110,7 +110,8 @@ void find_mesh(GroomInstance& instance) {
                          "name one of the scene's");
 }
 
-// Images need uvs. Where the mesh has uvs outside the unit square, images repeat unless the groom says otherwise.
+// Images need uvs. Where the mesh has uvs outside the unit square, images repeat unless the groom says
+// otherwise.
 void prepare_images(GroomInstance& instance) {
     constexpr float rounding = 1e-4F; // of exporters
     const std::vector<ScalarImage*> images = images_of(instance.groom);
@@ -171,8 +172,8 @@ std::vector<float> guide_vertices_at_bind(const GroomInstance& instance, const L
     return vertices;
 }
 
-// Digest of the guide curves and parting lines; 0: none. If a procedural grows them on an evolving terrain, they
-// differ from frame to frame.
+// Digest of the guide curves and parting lines; 0: none. If a procedural grows them on an evolving terrain,
+// they differ from frame to frame.
 uint64_t guides_digest(const GroomInstance& instance) {
     Digest digest;
     if (!instance.groom.guides) return 0;

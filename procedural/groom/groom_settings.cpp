@@ -173,10 +173,12 @@ std::optional<Ramp> optional_ramp(const Values& values, std::string_view name) {
     return unit_ramp(values, name, groom_ramp_fault);
 }
 
-// Images of one create(), by pixel pointer, channel, and value of missing tiles. The host passes equal images with one pointer.
+// Images of one create(), by pixel pointer, channel, and value of missing tiles. The host passes equal images
+// with one pointer.
 using ScalarImages = std::map<std::tuple<const float*, uint32_t, float>, ScalarImage>;
 
-// The given channel of an image, or its last one if there are fewer. missing: value where an image in tiles has none.
+// The given channel of an image, or its last one if there are fewer. missing: value where an image in tiles
+// has none.
 std::optional<ScalarImage> optional_image(const Values& values, std::string_view name, ScalarImages& images,
                                           uint32_t channel = 0, float missing = 0.0F) {
     const MarramValue* value = values.find(name);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The settings of a groom. The parameters are documented in the table of groom_settings.cpp, which `marram info
-// groom` prints.
+// The settings of a groom. The parameters are documented in the table of groom_settings.cpp, which `marram
+// info groom` prints.
 #pragma once
 
 #include "core/math/ramp.h"

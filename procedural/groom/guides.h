@@ -12,10 +12,10 @@
 // to 0 before it leaves the set of nearest guides. Guides are resampled to the CV count of the strands,
 // equally spaced along them. Lengths are blended with the same weights.
 //
-// Guides say nothing of skin far from all of them: at a distance from the foot of the nearest guide, strands have the full
-// density up to the reach, and from there fade out linearly until 1.5 times the reach. By default the reach is 1.5
-// times the spacing of the guides: nine guides in ten have `blend` others within the spacing. A single guide has none,
-// and no limit.
+// Guides say nothing of skin far from all of them: at a distance from the foot of the nearest guide, strands
+// have the full density up to the reach, and from there fade out linearly until 1.5 times the reach. By
+// default the reach is 1.5 times the spacing of the guides: nine guides in ten have `blend` others within the
+// spacing. A single guide has none, and no limit.
 //
 // Excluded from the blend are: guides whose skin faces away from the child's; guides whose direction differs
 // from that of the nearest guide by more than `parting`, so that hair does not grow across a parting between

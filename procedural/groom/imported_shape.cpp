@@ -265,8 +265,8 @@ double max_radius_of(const ImportSettings& settings, double of_file) {
     return 0.5 * *settings.width * settings.width_scale * *std::ranges::max_element(shares);
 }
 
-// Greatest distance of any part of a strand from its root: see groom_bounds.cpp. Sizes are those on the mesh; on an
-// instance all of them scale, with the height to which roots are raised.
+// Greatest distance of any part of a strand from its root: see groom_bounds.cpp. Sizes are those on the mesh;
+// on an instance all of them scale, with the height to which roots are raised.
 double import_reach(const ImportInstance& instance, double longest, double longest_segment, double max_radius,
                     double scale, double max_coordinate) {
     const double radius = max_radius_of(instance.settings, max_radius);

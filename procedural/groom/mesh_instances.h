@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// The meshes on which a groom grows, or to which imported strands are bound: one mesh and each of its instances.
-// Roots, guides, bindings and the settings chosen by the tolerance are computed once. A strand of an instance is
-// laid out on the mesh and transformed to the instance; from then on it is an independent strand in the wind at
-// its own position. Lengths, widths and heights above the skin scale with the instance.
+// The meshes on which a groom grows, or to which imported strands are bound: one mesh and each of its
+// instances. Roots, guides, bindings and the settings chosen by the tolerance are computed once. A strand of
+// an instance is laid out on the mesh and transformed to the instance; from then on it is an independent
+// strand in the wind at its own position. Lengths, widths and heights above the skin scale with the instance.
 #pragma once
 
 #include "procedural/wind/jiggle.h"
@@ -19,7 +19,8 @@ namespace marram {
 struct MeshInstance {
     const MarramMesh* mesh = nullptr;
     bool is_instance = false; // if not: the mesh itself
-    // Map world positions on the groom's mesh to world positions on this instance. The identity for the mesh itself.
+    // Map world positions on the groom's mesh to world positions on this instance. The identity for the mesh
+    // itself.
     Eigen::Affine3d transform_at_bind = Eigen::Affine3d::Identity();
     std::vector<Eigen::Affine3d> transforms = {Eigen::Affine3d::Identity()}; // [motion sample], or one
     std::vector<Eigen::Affine3d> past_transforms; // [past sample of the jiggle's window]
@@ -34,16 +35,16 @@ struct MeshInstance {
     }
 };
 
-// The uniform scale of a transform, and the greatest one of all mesh instances. Transforms are similarities, as
-// checked by place_lent_instance().
+// The uniform scale of a transform, and the greatest one of all mesh instances. Transforms are similarities,
+// as checked by place_lent_instance().
 double uniform_scale(const Eigen::Affine3d& transform);
 double max_instance_scale(std::span<const MeshInstance> mesh_instances);
 
 // The bounds of the transformed box.
 Eigen::AlignedBox3d transformed_box(const Eigen::Affine3d& transform, const Eigen::AlignedBox3d& box);
 
-// Finds the groom's mesh (mesh_instances[0]) and its instances among the frame's meshes. Throws SceneFault if the
-// host cannot place an instance.
+// Finds the groom's mesh (mesh_instances[0]) and its instances among the frame's meshes. Throws SceneFault if
+// the host cannot place an instance.
 std::vector<MeshInstance> find_mesh_instances(const MarramFrame& frame, const MarramMesh& mesh);
 
 // The largest displacement in m of an instance between the first motion sample and 1, 4, 16, 64 and 256
@@ -51,8 +52,8 @@ std::vector<MeshInstance> find_mesh_instances(const MarramFrame& frame, const Ma
 // find_mesh_instances().
 double measure_travel(const MarramFrame& frame, std::span<const MeshInstance> mesh_instances);
 
-// Fills MeshInstance::past_transforms for the window. Returns true if an instance is elsewhere at a past sample
-// than at the first motion sample. Throws as find_mesh_instances().
+// Fills MeshInstance::past_transforms for the window. Returns true if an instance is elsewhere at a past
+// sample than at the first motion sample. Throws as find_mesh_instances().
 bool sample_past_transforms(const MarramFrame& frame, const Jiggle& jiggle, const JiggleWindow& window,
                             std::span<MeshInstance> mesh_instances);
 

@@ -138,8 +138,8 @@ class SegmentErrors {
     // distances: [level], from `least << level` segments to twice the last of them
     SegmentErrors(const std::vector<double>& distances, int least) : least_(least) {
         const size_t levels = distances.size();
-        // The power by which the error falls. The finest has an error, too: with it, distances fall faster than
-        // errors at the last levels.
+        // The power by which the error falls. The finest has an error, too: with it, distances fall faster
+        // than errors at the last levels.
         const auto power = [&](size_t level) {
             if (level + 1 >= levels || !(distances[level + 1] > 0.0)) return 1.0;
             return std::clamp(std::log2(distances[level] / distances[level + 1]), 1.0, 2.0);
@@ -161,8 +161,8 @@ class SegmentErrors {
     std::vector<double> errors_, powers_;
 };
 
-// The same distances of strands that jiggle, in gusts, on a static skin: while they swing, few CVs show less of their
-// shape than at rest. Raises `distances` where these are greater.
+// The same distances of strands that jiggle, in gusts, on a static skin: while they swing, few CVs show less
+// of their shape than at rest. Raises `distances` where these are greater.
 void measure_jiggle(const PilotGroom& pilot, std::span<const double> moments, int least,
                     std::vector<double>& distances) {
     const RootSample some(pilot, 200); // so that two of them are beyond the 99th percentile
@@ -210,8 +210,9 @@ void measure_jiggle(const PilotGroom& pilot, std::span<const double> moments, in
     }
 }
 
-// The error of sheltered strands, m times CVs. The sheltered share of a strand is the mean over its CVs of what is 0 or 1,
-// both ends included: up to 1 / (2 CVs) off that of the whole strand, or of its edge where each CV has its own.
+// The error of sheltered strands, m times CVs. The sheltered share of a strand is the mean over its CVs of
+// what is 0 or 1, both ends included: up to 1 / (2 CVs) off that of the whole strand, or of its edge where
+// each CV has its own.
 double shelter_error(const PilotGroom& pilot, const RootSample& some, double frame) {
     if (!pilot.wind.shielding) return 0.0;
     constexpr int segments = 64;

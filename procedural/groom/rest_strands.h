@@ -18,8 +18,8 @@ using LayOutStrands = std::function<void(const Surface& surface, Strands& strand
 RestStrandSource rest_strand_source(const GroomInstance& instance, const MeshInstance& mesh_instance,
                                     LayOutStrands lay_out, StageClock* clock);
 
-// Transforms strands laid out on the groom's own mesh to where the mesh instance is at motion sample `time`. Leaves
-// them as they are if it is that mesh itself.
+// Transforms strands laid out on the groom's own mesh to where the mesh instance is at motion sample `time`.
+// Leaves them as they are if it is that mesh itself.
 void transform_to_instance(const GroomInstance& instance, const MeshInstance& mesh_instance, uint32_t time,
                            Strands& strands);
 

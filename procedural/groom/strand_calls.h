@@ -38,8 +38,8 @@ struct GustStart {
     Eigen::AlignedBox3d bounds; // at bind_frame, of the meshes, or of the strands if there are none
 };
 // Unless the scene gives their start, random gusts start across the bounds of the meshes at bind_frame. It is
-// fixed in the first frame, so that gusts do not jump from frame to frame. Warns once if the bounds differ in a
-// later frame: an evolving terrain has no pose at bind_frame, so that frame rendered alone would have other
+// fixed in the first frame, so that gusts do not jump from frame to frame. Warns once if the bounds differ in
+// a later frame: an evolving terrain has no pose at bind_frame, so that frame rendered alone would have other
 // gusts. strand_bounds: used if there are no meshes. Poses all meshes, in later frames only if the start
 // follows their bounds.
 void set_gust_plane_once(const MarramHost& host, const MarramFrame& frame,
@@ -52,8 +52,8 @@ bool moving_meshes_matter(const Wind& wind, const MarramFrame& frame);
 // threads, bytes.
 CollisionCounts report_chain(Workers& workers, const ReportSink& sink, size_t& scratch);
 
-// Warns of unresolved collisions and penetrations: how many, at which meshes, where, and what helps there. place: ""
-// or where the message points. skin: name of the mesh that strands grow on; "": none.
+// Warns of unresolved collisions and penetrations: how many, at which meshes, where, and what helps there.
+// place: "" or where the message points. skin: name of the mesh that strands grow on; "": none.
 void warn_of_collisions(const MarramHost& host, const std::string& place, const std::string& skin,
                         bool all_samples, const CollisionCounts& counts);
 

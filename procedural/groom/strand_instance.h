@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What grown strands (groom) and imported ones (strands) share: a frame of the wind's chain on rest strands. Where rest
-// strands come from, and what only one of the two has, the derived classes say in the hooks below.
+// What grown strands (groom) and imported ones (strands) share: a frame of the wind's chain on rest strands.
+// Where rest strands come from, and what only one of the two has, the derived classes say in the hooks below.
 #pragma once
 
 #include "procedural/border.h"

@@ -21,15 +21,16 @@
 //             from north, *from* which it blows; +x is east, -z north). An entry blows until the next one, also
 //             over a gap, which is warned of; the record repeats after its end. Entries shorter than a minute are merged
 //             until they last as long, and move as much sand (a warning says so)
-// It may differ from place to place (wind_field.cpp): it follows the curves that `wind_along` names within about
-// `wind_reach`, or `wind_map` gives its parts along and across. The air is computed for one direction in 15
-// degrees of such a field; the report has their number; each after the first adds half of the cost of a step.
-// The report has the drift potential and its resultant (dp, rdp, kg/(m s)) and their ratio, without the field.
+// It may differ from place to place (wind_field.cpp): it follows the curves that `wind_along` names within
+// about `wind_reach`, or `wind_map` gives its parts along and across. The air is computed for one direction
+// in 15 degrees of such a field; the report has their number; each after the first adds half of the cost of a
+// step. The report has the drift potential and its resultant (dp, rdp, kg/(m s)) and their ratio, without the
+// field.
 //
 // Time and cost. A time step costs less than 40 ns a sample on two cores (build/marram_bench). It is seconds
-// to hours long: shorter for finer cells (with the square of the cell) and stronger wind, and set by `stability`.
-// The report has the number of steps. `marram measure` shows time against error for cell, stability
-// and shear_resolution.
+// to hours long: shorter for finer cells (with the square of the cell) and stronger wind, and set by
+// `stability`. The report has the number of steps. `marram measure` shows time against error for cell,
+// stability and shear_resolution.
 //
 // States. A host that prepares frames stores a state every `keep_every` frames and one at each requested
 // whole frame; a later frame continues from the latest one. Each whole frame ends a time step, so a frame is
@@ -51,12 +52,12 @@
 //     cover = "grass"
 //
 // Obstacles. `obstacle` names a mesh that stands in the wind and in the sand: a ruin, boulders. It enters the
-// model as rock with the height of its top (obstacle.cpp; doors and arches are open). The air separates in front
-// of its walls and behind them, and closes in from the sides (separation.cpp): sand gathers there, climbs and
-// buries walls, and is left in rooms and in the lee. The sand inside the mesh stays as it is; in the picture it is
-// raised or lowered to the level beside it, which is not counted as moved. No plants grow there. The mesh stands as
-// it is at the frame asked for, from the start. Cells should be at most half as wide as
-// a wall is thick: thinner walls do not keep the sand levels of their two sides apart.
+// model as rock with the height of its top (obstacle.cpp; doors and arches are open). The air separates in
+// front of its walls and behind them, and closes in from the sides (separation.cpp): sand gathers there,
+// climbs and buries walls, and is left in rooms and in the lee. The sand inside the mesh stays as it is; in
+// the picture it is raised or lowered to the level beside it, which is not counted as moved. No plants grow
+// there. The mesh stands as it is at the frame asked for, from the start. Cells should be at most half as
+// wide as a wall is thick: thinner walls do not keep the sand levels of their two sides apart.
 //
 //     [[procedural.layer]]
 //     type = "dune_solver"
@@ -313,7 +314,8 @@ double dune_shear_velocity(const LayerContext& context) {
     return shear_velocity_of(speed);
 }
 
-// A column's name without its unit, "speed" of "speed (m/s)" or "speed [m/s]", and the unit; "" if it has none.
+// A column's name without its unit, "speed" of "speed (m/s)" or "speed [m/s]", and the unit; "" if it has
+// none.
 std::pair<std::string_view, std::string_view> name_and_unit(std::string_view header) {
     const auto trimmed = [](std::string_view text) {
         text.remove_prefix(std::min(text.find_first_not_of(' '), text.size()));

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// fusion: sand drapes over rock without a seam, and loose sand relaxes to its angle of repose. Bedrock never changes.
+// fusion: sand drapes over rock without a seam, and loose sand relaxes to its angle of repose. Bedrock never
+// changes.
 //
 //     [[procedural.layer]]
 //     type = "fusion"

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// TerrainLayer types by the scene's name, [[procedural.layer]] type = "...", and the inputs that create a layer.
+// TerrainLayer types by the scene's name, [[procedural.layer]] type = "...", and the inputs that create a
+// layer.
 #pragma once
 
 #include "procedural/terrain/layer.h"

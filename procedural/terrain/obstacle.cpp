@@ -1,17 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 // Turns a mesh that stands on a terrain, such as a ruin, into a height field.
 //
-// A cell is the square around a sample, without its borders at larger x and z. A triangle that crosses it gives the
-// span of heights of its part in the cell, by clipping: a thin wall, even a sheet, leaves no hole between cells. The
-// inside of a closed mesh, of either winding, gives the spans between entry and exit of the vertical line through the
-// sample. From the ground up, each span that begins at most a quarter of a cell above the level reached raises it to
-// its top. If none rises above the ground, the highest buried one above bedrock is the top. So sand and wind pass
-// through a door, under a lintel, a roof or an arch.
+// A cell is the square around a sample, without its borders at larger x and z. A triangle that crosses it
+// gives the span of heights of its part in the cell, by clipping: a thin wall, even a sheet, leaves no hole
+// between cells. The inside of a closed mesh, of either winding, gives the spans between entry and exit of
+// the vertical line through the sample. From the ground up, each span that begins at most a quarter of a cell
+// above the level reached raises it to its top. If none rises above the ground, the highest buried one above
+// bedrock is the top. So sand and wind pass through a door, under a lintel, a roof or an arch.
 //
-// Error: a wall is wider by at most a cell on either side. An arch that rises from the ground is open where its
-// underside is a quarter of a cell above the ground. Nothing overhangs: a leaning part is filled below where its
-// underside is less high than that; elsewhere it is left out. Where entries and exits of a line do not balance, the
-// inside is not filled (open_samples()); a vertical wall that is missing goes unnoticed.
+// Error: a wall is wider by at most a cell on either side. An arch that rises from the ground is open where
+// its underside is a quarter of a cell above the ground. Nothing overhangs: a leaning part is filled below
+// where its underside is less high than that; elsewhere it is left out. Where entries and exits of a line do
+// not balance, the inside is not filled (open_samples()); a vertical wall that is missing goes unnoticed.
 #include "procedural/terrain/obstacle.h"
 
 #include <algorithm>
@@ -46,8 +46,8 @@ struct ObstaclePolygon {
     }
 };
 
-// Where the vertical line through (x, z) crosses a triangle. On an edge shared by two triangles, one of them counts if
-// they lie on either side of it in plan, else both or neither: entries and exits stay balanced.
+// Where the vertical line through (x, z) crosses a triangle. On an edge shared by two triangles, one of them
+// counts if they lie on either side of it in plan, else both or neither: entries and exits stay balanced.
 bool obstacle_crossing(const std::array<Vec3d, 3>& p, double x, double z, double& y) {
     const auto twice_area = [&](const Vec3d& a, const Vec3d& b) {
         // The same bits for both directions of an edge.
@@ -217,8 +217,8 @@ void fill_obstacle(const Domain& domain, const float* bedrock, const std::vector
                 if (level[beside] == unknown) return;
                 least = std::min(least, level[beside]), sum += level[beside], ++count;
             });
-            // The first ring takes the lowest level beside it: sand on the high side of a thin wall must not stick out of its low
-            // side. Rings further in take the mean.
+            // The first ring takes the lowest level beside it: sand on the high side of a thin wall must not
+            // stick out of its low side. Rings further in take the mean.
             if (count > 0) next[n] = first ? least : sum / count;
         }
         size_t left = 0;

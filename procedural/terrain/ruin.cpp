@@ -107,7 +107,8 @@ Rect ruin_touched(const Domain& domain, const RuinMesh& mesh, const RuinSettings
     Rect rect{index(a.x(), domain.x0, domain.nx), index(a.y(), domain.z0, domain.nz),
               index(b.x(), domain.x0, domain.nx), index(b.y(), domain.z0, domain.nz)};
     if (rect.empty()) return {};
-    // Blocks of rooms are counted from its corner. Aligned, they do not move when a parameter changes the rectangle.
+    // Blocks of rooms are counted from its corner. Aligned, they do not move when a parameter changes the
+    // rectangle.
     const int block = ruin_block_side(domain.cell);
     rect.i0 -= rect.i0 % block, rect.j0 -= rect.j0 % block;
     return rect;

@@ -75,11 +75,12 @@ double slope_at(const TerrainInstance& instance, int i, int j) {
     return std::atan(gradient_at(instance, i, j).norm()) / degree;
 }
 
-// The thickness of the sand, metres. Interpolation of thicknesses draws the edge of a dune as a staircase of cells:
-// it ends at the first bare sample, wherever between the samples the edge is. So a bare sample beside sand has the
-// value at which the interpolated thickness is 0 at the edge: the height of the surface, extrapolated from the sand
-// around it, minus the rock's (exact for plane surfaces). Dust blends into it, so it is continuous in the thicknesses
-// of all samples. Beyond the terrain's border there is nothing to extrapolate from.
+// The thickness of the sand, metres. Interpolation of thicknesses draws the edge of a dune as a staircase of
+// cells: it ends at the first bare sample, wherever between the samples the edge is. So a bare sample beside
+// sand has the value at which the interpolated thickness is 0 at the edge: the height of the surface,
+// extrapolated from the sand around it, minus the rock's (exact for plane surfaces). Dust blends into it, so
+// it is continuous in the thicknesses of all samples. Beyond the terrain's border there is nothing to
+// extrapolate from.
 double sand_at(const TerrainInstance& instance, const Fields& fields, int i, int j) {
     const Domain& d = instance.domain;
     const size_t here = d.index(i, j);

@@ -186,8 +186,8 @@ bool evaluate_layers(TerrainInstance& instance, const MarramFrame& frame,
     }
 }
 
-// A digest of all that mesh() outputs: of the terrain's values, its layers with their inputs, and the number of
-// tiles evaluated so far.
+// A digest of all that mesh() outputs: of the terrain's values, its layers with their inputs, and the number
+// of tiles evaluated so far.
 uint64_t digest_of_output(const TerrainInstance& instance) {
     return Digest().add(instance.digest).add(instance.stack->digest()).add(instance.evaluated).value() | 1U;
 }

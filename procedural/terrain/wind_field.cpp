@@ -4,15 +4,16 @@
 // Image: the first two channels are the local wind along and across the wind's direction (across: from +x towards
 // +z), as fractions of its shear velocity; (1, 0) changes nothing. The image is stretched over the terrain, bilinear.
 //
-// Curves: the wind follows them, in the direction in which they are drawn. With phi the angle from the wind to
-// the curve, and d the distance to its points, the wind turns by
+// Curves: the wind follows them, in the direction in which they are drawn. With phi the angle from the wind
+// to the curve, and d the distance to its points, the wind turns by
 //
 //   (integral of phi w over all curves) / (pi / reach + integral of w over all curves)
 //
-// with w = 1 / (d^2 + cell^2) per metre of curve; reach is the distance from a long straight curve at which half of
-// its angle is left. The integrals are exact for each segment: on a line at the distance h, from s0 to s1 along it,
-// the integral of w is (atan(s1 / q) - atan(s0 / q)) / q with q^2 = h^2 + cell^2. On a long straight curve the wind
-// turns by reach / (reach + cell) of its angle, nearly all; at a distance d by reach / (reach + d).
+// with w = 1 / (d^2 + cell^2) per metre of curve; reach is the distance from a long straight curve at which
+// half of its angle is left. The integrals are exact for each segment: on a line at the distance h, from s0
+// to s1 along it, the integral of w is (atan(s1 / q) - atan(s0 / q)) / q with q^2 = h^2 + cell^2. On a long
+// straight curve the wind turns by reach / (reach + cell) of its angle, nearly all; at a distance d by reach
+// / (reach + d).
 //
 // Cost: samples times segments. Segments, but the last of a curve, are two cells long or more.
 #include "procedural/terrain/wind_field.h"
@@ -29,8 +30,8 @@
 namespace marram {
 namespace {
 
-// Throws if the field is not finite, is stronger than 10, or turns the wind by more than most_turn; the message has
-// the coordinates.
+// Throws if the field is not finite, is stronger than 10, or turns the wind by more than most_turn; the
+// message has the coordinates.
 void check_wind_field(const WindField& field, const Domain& domain, const std::string& place) {
     size_t most = 0;
     for (size_t k = 0; k < field.turn.size(); ++k) {
@@ -58,8 +59,8 @@ struct FieldSegment {
     double length, turn; // m, radians from the wind
 };
 
-// Points closer together than two cells, or than a tenth of their distance from the terrain, are skipped: the field
-// has no finer features there.
+// Points closer together than two cells, or than a tenth of their distance from the terrain, are skipped: the
+// field has no finer features there.
 std::vector<FieldSegment> field_segments(const std::vector<DrawnCurve>& curves, const Vec2d& wind,
                                          const Domain& domain) {
     const Eigen::AlignedBox2d terrain(Vec2d(domain.x(0), domain.z(0)),

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Curve wind, after A. Somasundaram, "Enhancing the Realism of Procedural Wind on Curves with Collision, Shielding, and
-// Gusts" (SIGGRAPH 2019 Talks), section 2.
+// Curve wind, after A. Somasundaram, "Enhancing the Realism of Procedural Wind on Curves with Collision,
+// Shielding, and Gusts" (SIGGRAPH 2019 Talks), section 2.
 //
 // From root to tip, at segment k with start P_k on the curve as bent so far:
 //
@@ -175,9 +175,10 @@ struct BlockView { // one block of a Strands
     VDouble* factors;    // [cvs - 1]
 };
 
-// The fraction of its angle that the strand turns by at each segment's start. With reference_segments, the turn
-// stands for the strand from the middle of the segment before to the middle of this one (derived above). Nothing here depends on the previous segment, so the
-// CPU can overlap the iterations; inside the loop of bend_block it could not.
+// The fraction of its angle that the strand turns by at each segment's start. With reference_segments, the
+// turn stands for the strand from the middle of the segment before to the middle of this one (derived above).
+// Nothing here depends on the previous segment, so the CPU can overlap the iterations; inside the loop of
+// bend_block it could not.
 MARRAM_HOT void turn_factors(const Wind& wind, const BlockView& block) {
     const int last = block.cvs - 1;
     const VDouble length = block.arc[last];

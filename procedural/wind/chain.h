@@ -68,8 +68,8 @@ struct ChainScratch {
     StageClock clock;
 };
 
-// Fills the rest strands (rest, rest_normal, noise_origin, root_normal, width) of the patch at a motion sample or
-// at a past sample of the jiggle window.
+// Fills the rest strands (rest, rest_normal, noise_origin, root_normal, width) of the patch at a motion
+// sample or at a past sample of the jiggle window.
 struct RestStrandSource {
     std::function<void(uint32_t time, Strands&)> at_time;
     std::function<void(int64_t past_sample, Strands&)> at_past_sample;

@@ -7,10 +7,11 @@
 // free_distance[k] is a lower bound on the distance from CV k, and from the segment that ends there, to every
 // collider. Storing a CV rounds it to floats, which moves its segment by no more than the CV itself. So each
 // CV's bound is that of the previous one, minus the rounding. Rounding uses it up, fastest far from the
-// origin; when too little is left, it is measured again, also at the root if the first turn reports not_clear.
+// origin; when too little is left, it is measured again, also at the root if the first turn reports
+// not_clear.
 //
-// The rendered cubic deviates from its control polygon (rendered_segment.h). A strand whose cubic penetrates a
-// collider by more than the tolerance is solved again with smaller turns; if that does not help, it is laid
+// The rendered cubic deviates from its control polygon (rendered_segment.h). A strand whose cubic penetrates
+// a collider by more than the tolerance is solved again with smaller turns; if that does not help, it is laid
 // straight.
 #include "procedural/wind/collide.h"
 

@@ -88,8 +88,8 @@ class ColliderTree {
     bool find(const MarramMesh* meshes, const SearchRegion& region, size_t most,
               std::vector<NearCluster>& found) const;
 
-    // Calls visit(cluster) for those that may have a triangle within `radius` of p, usually in the order of the
-    // lower bounds on their distances. visit returns the radius to continue with.
+    // Calls visit(cluster) for those that may have a triangle within `radius` of p, usually in the order of
+    // the lower bounds on their distances. visit returns the radius to continue with.
     template <typename Visit>
     void nearest(const MarramMesh* meshes, const Vec3d& p, double radius, Visit&& visit) const {
         if (nodes_.empty()) return;

@@ -53,9 +53,9 @@ Colliders colliders_at(const MarramFrame& frame, uint32_t time_index);
 
 inline Eigen::AlignedBox3d everywhere() { return {Vec3d::Constant(-infinity), Vec3d::Constant(infinity)}; }
 
-// The trees of a frame, kept for the next one: they are reused if neither the meshes nor the query bounds have
-// changed. This is detected by a hash of all mesh data (XXH3, 128 bits): 36 ms a gigabyte on two threads, a
-// thirtieth of the build time.
+// The trees of a frame, kept for the next one: they are reused if neither the meshes nor the query bounds
+// have changed. This is detected by a hash of all mesh data (XXH3, 128 bits): 36 ms a gigabyte on two
+// threads, a thirtieth of the build time.
 class ColliderTrees {
   public:
     // Assigns trees over the triangles that touch `query_bounds` to the colliders of a frame's motion

@@ -43,8 +43,8 @@
 // At its start frame a gust is at the plane upwind, at full strength. It fades out over the last d frames of
 // its life: over all of it if decay is longer, and over at least one frame, so that nothing pops. For the
 // same reason it fades in over the d frames *before* its start frame, on its way to the plane. That is
-// visible only if the artist has placed the plane among the strands; the plane that set_gust_plane() computes lies
-// outside by the largest radius.
+// visible only if the artist has placed the plane among the strands; the plane that set_gust_plane() computes
+// lies outside by the largest radius.
 //
 // nu is value noise: lattice points have values h * 2^-24, h the upper 24 bits of mix32(mix32(mix32(seed + i)
 // + j) + k) in uint32 arithmetic, interpolated along x, then y, then z by 6f^5 - 15f^4 + 10f^3. As a mean of
@@ -118,8 +118,8 @@ struct GustContacts {
     uint64_t passing = 0, touching = 0; // random gusts that live in that time, and those that touch the box
     std::vector<bool> controls;         // [control]: it touches
 };
-// center, extent and distance must be set if num_gusts > 0. Bounds of gusts are tested, of controls at up to 1000
-// times. Cost: about 0.1 us a gust and repetition.
+// center, extent and distance must be set if num_gusts > 0. Bounds of gusts are tested, of controls at up to
+// 1000 times. Cost: about 0.1 us a gust and repetition.
 GustContacts gusts_touching(const Gusts& gusts, const Vec3d& wind_direction, const Vec2d& frames, double fps,
                             const Eigen::AlignedBox3d& box);
 
@@ -153,9 +153,9 @@ struct GustField {
     size_t bytes() const;
 };
 
-// Center, extent and distance must be set if num_gusts > 0 (set_gust_plane). `wind_direction` is unit. Keeps only
-// influences that overlap the box `within`, about 0.3 KB each: add_gusts() gives the same bits for CVs in the
-// box.
+// Center, extent and distance must be set if num_gusts > 0 (set_gust_plane). `wind_direction` is unit. Keeps
+// only influences that overlap the box `within`, about 0.3 KB each: add_gusts() gives the same bits for CVs
+// in the box.
 GustField gusts_at(const Gusts& gusts, const Vec3d& wind_direction, double frame, double fps,
                    const Eigen::AlignedBox3d& within = everywhere());
 

@@ -7,9 +7,9 @@
 //     uniform cubic B-spline  P_k + t (P_{k+1} - P_k) + ((1-t)^3 D_k + t^3 D_{k+1}) / 6
 //     Catmull-Rom             P_k + t (P_{k+1} - P_k) - (t (1-t)^2 D_k + t^2 (1-t) D_{k+1}) / 2
 //
-// so its offset from the polygon is at most max |D| / 6 or / 8. If offset + radius <= free distance + tolerance,
-// it cannot penetrate too far. Otherwise it is tested point by point. A point counts as outside the colliders
-// unless the straight line from the polygon to it crosses a triangle.
+// so its offset from the polygon is at most max |D| / 6 or / 8. If offset + radius <= free distance +
+// tolerance, it cannot penetrate too far. Otherwise it is tested point by point. A point counts as outside
+// the colliders unless the straight line from the polygon to it crosses a triangle.
 #pragma once
 
 #include "procedural/wind/turn.h"

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Counting sort, ten bits at a time, over parallel chunks: a parallel sort by TBB took four times as long on two
-// million triangles.
+// Counting sort, ten bits at a time, over parallel chunks: a parallel sort by TBB took four times as long on
+// two million triangles.
 #include "procedural/wind/triangle_blocks.h"
 
 #include "core/math/simd.h"

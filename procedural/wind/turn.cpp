@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// Exact contact: rotates a segment about its start towards its goal until it touches a triangle. The sector that it
-// sweeps is a convex region; the collider tree finds the triangles that may be in it. If
-// there are many, the sector is halved and the first half is tested first; parts beyond a contact are never
-// tested. Triangles entirely on one side of the plane of the turn are skipped; the rest go to
-// first_blocked(). The result is a minimum over triangles, so it does not depend on how the sector was
-// divided.
+// Exact contact: rotates a segment about its start towards its goal until it touches a triangle. The sector
+// that it sweeps is a convex region; the collider tree finds the triangles that may be in it. If there are
+// many, the sector is halved and the first half is tested first; parts beyond a contact are never tested.
+// Triangles entirely on one side of the plane of the turn are skipped; the rest go to first_blocked(). The
+// result is a minimum over triangles, so it does not depend on how the sector was divided.
 #include "procedural/wind/turn.h"
 
 #include "procedural/values.h"
@@ -419,8 +418,8 @@ Turned turn_exactly(const Colliders& colliders, const Segment& given, TurnScratc
     Sweep found{true, false, 0.0, Vec2d::Zero()};
     if (!segment.test_ray_first || !ray_confirms_blocked(colliders, segment, scratch))
         found = sweep(colliders, segment, arc, scratch);
-    // The pivot may be too close: the coarse tests (planes, boxes) say so, or the sweep was blocked at angle 0 and ended
-    // before it had tested all triangles near the pivot. Measure the clearance exactly.
+    // The pivot may be too close: the coarse tests (planes, boxes) say so, or the sweep was blocked at angle
+    // 0 and ended before it had tested all triangles near the pivot. Measure the clearance exactly.
     if (found.not_clear || (found.blocked_at_start && segment.clearance_unverified)) {
         if (any_triangle_within(colliders, segment.pivot, segment.clearance * pivot_check_factor, scratch))
             return {segment.from, Outcome::not_clear, false, 0.0};

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The tile of wavelet noise; wavelet_noise.h has the derivation. N = R - P R, with P the product over the three axes of
+// The tile of wavelet noise; wavelet_noise.h has the derivation. N = R - P R, with P the product over the
+// three axes of
 //
 //     c(w) = cos^6(w / 2) r(w) / r(2w).
 //

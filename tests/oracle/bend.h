@@ -4,8 +4,8 @@
 //
 // At P_k of the partly bent curve, Q rotates P_tip - P_k onto w + noise_k; its angle is scaled by f_k.
 // O(n^2). f_k = clamp(global_rotate * ramp_rotate(u_k) * e_k, 0, 1), u_k = s_k / L of the rest curve. If
-// reference_segments is given, f_k is replaced by 1 - (1 - f_k)^(reference_segments span_k / L), with span_k the
-// length from the middle of segment k - 1 to that of segment k, or |segment k| if `own_spans` is set.
+// reference_segments is given, f_k is replaced by 1 - (1 - f_k)^(reference_segments span_k / L), with span_k
+// the length from the middle of segment k - 1 to that of segment k, or |segment k| if `own_spans` is set.
 #pragma once
 
 #include "core/math/ramp.h"

@@ -200,7 +200,8 @@ TEST(OracleShield, a_ball_in_a_cone_of_wind_shelters_by_its_share_of_the_solid_a
     const double share = (1.0 - std::sqrt(1.0 - 0.04)) / (1.0 - std::cos(spread));
     const Vec3d p = Vec3d::Zero();
     EXPECT_NEAR(cone_shelter(p, -x, x, spread, 20000, 8.0, 1e-6, ball), share, 2e-3 * share);
-    // Fading: 1 - d / fade over the directions that hit, d = D c - sqrt(r^2 - D^2 (1 - c^2)); by the midpoint rule in c.
+    // Fading: 1 - d / fade over the directions that hit, d = D c - sqrt(r^2 - D^2 (1 - c^2)); by the midpoint
+    // rule in c.
     double faded = 0.0;
     const int n = 100000;
     const double low = std::sqrt(1.0 - 0.04);

@@ -184,8 +184,9 @@ void make_linear(Image& image, int alpha_channel, float exponent) {
     image.as_in_file = false;
 }
 
-// EXIF: 1 as it is, 2 mirrored left to right, 3 turned by half, 4 upside down, 5 mirrored along the diagonal from the top
-// left, 6 to be turned clockwise to be upright, 7 mirrored along the other diagonal, 8 to be turned anticlockwise.
+// EXIF: 1 as it is, 2 mirrored left to right, 3 turned by half, 4 upside down, 5 mirrored along the diagonal
+// from the top left, 6 to be turned clockwise to be upright, 7 mirrored along the other diagonal, 8 to be
+// turned anticlockwise.
 int orientation_of(const OIIO::ImageSpec& spec) {
     const int orientation = spec.get_int_attribute("Orientation", 1);
     return orientation >= 2 && orientation <= 8 ? orientation : 1;

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Avalanches on slip faces: sand steeper than the static angle of repose slides until it is at the dynamic one.
+// Avalanches on slip faces: sand steeper than the static angle of repose slides until it is at the dynamic
+// one.
 //
 // The slope is that of a quad of four samples a, b (row i), c, d (row i + 1): g_b = (b - a + d - c) / 2, g_a
 // = (c - a + d - b) / 2. This gradient has no preferred grid direction. Where it is too steep, sand moves
@@ -11,11 +12,11 @@
 // four quads; on a uniform slope neighbouring moves add up to a diffusion with number w, stable below 1 / 2;
 // w = 0.4. Moves are whole units and at most a quarter of a sample's sand, so no sand becomes negative.
 //
-// Walls. A sample whose ground stands more than a cell (45 degrees, or the angle of repose) above the surface of
-// another sample of its quad is a wall: its height is no slope of the sand below. Sand on a wall falls to the sample
-// opposite, if that is lower. Beside one wall the two samples that are opposite each other move by the slope of the
-// plane through the three that are no walls. Nothing else moves in such a quad, and a sample with less sand than the
-// diameter of a grain gives none: dust on walls would keep tiles awake.
+// Walls. A sample whose ground stands more than a cell (45 degrees, or the angle of repose) above the surface
+// of another sample of its quad is a wall: its height is no slope of the sand below. Sand on a wall falls to
+// the sample opposite, if that is lower. Beside one wall the two samples that are opposite each other move by
+// the slope of the plane through the three that are no walls. Nothing else moves in such a quad, and a sample
+// with less sand than the diameter of a grain gives none: dust on walls would keep tiles awake.
 //
 // Tiles of 32 x 32 quads sleep. A tile wakes if one of its quads exceeds the static angle or a neighbouring
 // tile moved sand. In an awake tile all quads above the dynamic angle plus 0.1 degrees move towards the
@@ -77,7 +78,8 @@ struct AvalancheMoves {
     double d1, d2; // from d to a, from c to b
 };
 
-// The moves of a quad some of whose samples are walls. Order: a, b, c, d; k and 3 - k are opposite each other.
+// The moves of a quad some of whose samples are walls. Order: a, b, c, d; k and 3 - k are opposite each
+// other.
 AvalancheMoves avalanche_beside_walls(const std::array<double, 4>& sand, const std::array<double, 4>& height,
                                       const std::array<bool, 4>& wall, double stops, double still) {
     const auto falls = [&](size_t to, size_t from) {

@@ -23,9 +23,9 @@ struct DownwindGrid {
     double spacing() const { return cell * std::hypot(1.0, drift); } // metres along the wind, from row to row
 };
 
-// Rays along the wind, at any angle to the grid: ray r is at column r + n drift in the n-th row downwind. Values
-// are interpolated linearly between columns onto the rays and linearly back, once each, whatever the distance.
-// On periodic ground a ray has more samples before the first row and after the last.
+// Rays along the wind, at any angle to the grid: ray r is at column r + n drift in the n-th row downwind.
+// Values are interpolated linearly between columns onto the rays and linearly back, once each, whatever the
+// distance. On periodic ground a ray has more samples before the first row and after the last.
 class DownwindRays {
   public:
     static constexpr int width = 16; // rays of a group, processed together

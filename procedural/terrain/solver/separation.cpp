@@ -22,11 +22,11 @@
 // bubble. A face that rises more steeply than `steepest` has a bubble in front: the same curve traced upwind,
 // with C = `windward`. So linear theory never gets a steeper slope.
 //
-// Sides (`convergence`, for terrains with obstacles). The flow around the ends of a wall closes in on its wake: in
-// plan both sides of a bubble move in by a quarter of the distance from the brink (in front of a face: from the
-// face). So the shelter of a wall is a triangle twice as long as the wall is wide, if that is shorter than the
-// bubble (compare the shadow dunes of P. Hesp, Sedimentology 28, 1981). The bubble falls to its sides with a slope
-// of 1/2. Terrains of dunes alone leave it off: their bubbles are wider than long.
+// Sides (`convergence`, for terrains with obstacles). The flow around the ends of a wall closes in on its
+// wake: in plan both sides of a bubble move in by a quarter of the distance from the brink (in front of a
+// face: from the face). So the shelter of a wall is a triangle twice as long as the wall is wide, if that is
+// shorter than the bubble (compare the shadow dunes of P. Hesp, Sedimentology 28, 1981). The bubble falls to
+// its sides with a slope of 1/2. Terrains of dunes alone leave it off: their bubbles are wider than long.
 //
 // The curves run along rays (downwind_rays.h): heights are interpolated onto the rays, the excess of the
 // bubbles back, so ground without bubbles is unchanged. On periodic ground a ray starts before the first row
@@ -133,8 +133,8 @@ void separation_sweep(const float* height, float* excess, int length, double cel
     }
 }
 
-// Moves values of the rays across the periodic border, where other rays, `shift` columns further, continue them.
-// Interpolates; infinity is no bubble: beside it the finite value counts.
+// Moves values of the rays across the periodic border, where other rays, `shift` columns further, continue
+// them. Interpolates; infinity is no bubble: beside it the finite value counts.
 void separation_shift(double shift, std::vector<float>& values) {
     const std::vector<float> from = values;
     const auto count = long(from.size());
@@ -150,8 +150,9 @@ void separation_shift(double shift, std::vector<float>& values) {
     }
 }
 
-// Lowers the excess near the sides of bubbles, which move inwards with the distance from brink or face. `upwind`:
-// bubbles extend upwind from their faces, not downwind from their brinks. `warm`: rows that the longest bubble crosses.
+// Lowers the excess near the sides of bubbles, which move inwards with the distance from brink or face.
+// `upwind`: bubbles extend upwind from their faces, not downwind from their brinks. `warm`: rows that the
+// longest bubble crosses.
 void separation_narrow(const DownwindGrid& course, const DownwindRays& rays, bool upwind, int warm,
                        double convergence, WideVector<float>& excess) {
     const auto count = size_t(rays.count());

@@ -18,8 +18,9 @@ struct ShearCoefficients {
 // Grids are rows of `columns` floats, `pitch(columns)` apart.
 class Shear {
   public:
-    // `resolution`, above 0 to 1: of the wave numbers along a column, the share that makes stress: those with a
-    // wavelength of at least 2 cells / resolution, and always one. The others are not transformed along the rows.
+    // `resolution`, above 0 to 1: of the wave numbers along a column, the share that makes stress: those with
+    // a wavelength of at least 2 cells / resolution, and always one. The others are not transformed along the
+    // rows.
     Shear(int rows, int columns, double cell, double resolution = 1.0);
 
     int rows() const { return rows_.size(); }

@@ -30,22 +30,22 @@
 // surface is blended smoothly from one border to the other there. Periodic transforms have exactly the grid's
 // size: sizes with factors 2, 3, 5 are fast, all others correct.
 //
-// The march starts at a border whose inflow is not known yet. Periodic: the inflow is the previous step's outflow. On
-// the first step, and if the wind changes, marches whose sand is discarded find it. The difference to this step's
-// outflow is carried to the next step in `airborne`, column by column. The outflow remembers the fraction m =
-// exp(-domain / L_sat) of the inflow: if all of the difference were paid at once, it would be paid too often in a domain
-// that is shorter than L_sat, so 1 - m of it is (stable up to 2 (1 - m) / (1 + m)). A step pays little more than its flux,
-// as the step before may have been far longer; what is left, and all of it in a calm, is added to the first row of the
-// bed or taken from the first sand downwind.
+// The march starts at a border whose inflow is not known yet. Periodic: the inflow is the previous step's
+// outflow. On the first step, and if the wind changes, marches whose sand is discarded find it. The
+// difference to this step's outflow is carried to the next step in `airborne`, column by column. The outflow
+// remembers the fraction m = exp(-domain / L_sat) of the inflow: if all of the difference were paid at once,
+// it would be paid too often in a domain that is shorter than L_sat, so 1 - m of it is (stable up to 2 (1 -
+// m) / (1 + m)). A step pays little more than its flux, as the step before may have been far longer; what is
+// left, and all of it in a calm, is added to the first row of the bed or taken from the first sand downwind.
 //
 // Array rows run along x or along z, so that the wind crosses them at less than 45 degrees to their normal.
 // When that changes, the arrays are transposed.
 //
-// Wind fields. Where a field turns the wind (by up to 30 degrees), separation, wakes and stress are computed for
-// winds everywhere along each of a few directions, at most 15 degrees apart, and every cell takes the mean of its
-// two neighbours among them, weighted by angle. The perturbations are relative to the local wind, so they vary
-// little between these directions. Flux and its relaxation take the exact local direction and strength. Each
-// direction after the first adds half of the cost of a step (build/marram_bench).
+// Wind fields. Where a field turns the wind (by up to 30 degrees), separation, wakes and stress are computed
+// for winds everywhere along each of a few directions, at most 15 degrees apart, and every cell takes the
+// mean of its two neighbours among them, weighted by angle. The perturbations are relative to the local wind,
+// so they vary little between these directions. Flux and its relaxation take the exact local direction and
+// strength. Each direction after the first adds half of the cost of a step (build/marram_bench).
 //
 // Plants (O. Duran and H. Herrmann, "Vegetation against dune mobility", Phys. Rev. Lett. 97, 2006) have a
 // height p that grows towards P and loses what the ground rises (burial) or sinks (root exposure); V is the
@@ -57,9 +57,9 @@
 // moves more slowly than plants grow at its horns becomes a parabolic dune; a faster one stays bare. The
 // growth is exact for steady ground.
 //
-// Cost and memory: build/marram_bench (figures dune_step and dune_memory of tests/README.md). Of the memory 60
-// bytes a cell are arrays; 4 more with plants, or 16 if they grow; 12 more with wakes, or 16 if plants grow; 28 more
-// with a wind field.
+// Cost and memory: build/marram_bench (figures dune_step and dune_memory of tests/README.md). Of the memory
+// 60 bytes a cell are arrays; 4 more with plants, or 16 if they grow; 12 more with wakes, or 16 if plants
+// grow; 28 more with a wind field.
 #include "procedural/terrain/solver/solver.h"
 
 #include "core/math/clock.h"
@@ -74,8 +74,8 @@ namespace marram {
 namespace {
 
 constexpr double solver_max_height = 0x1p18; // metres; whole units of it are exact in a double
-// Of the flux across the periodic border: what a step may pay of the difference that earlier steps have left. They may
-// have been much longer.
+// Of the flux across the periodic border: what a step may pay of the difference that earlier steps have left.
+// They may have been much longer.
 constexpr double most_owed = 1.25;
 constexpr double least_units =
     0x1p16;                         // of a step's greatest flux, for the flux at the border to be known by it
@@ -361,8 +361,8 @@ double DuneSolver::stable_step(double stress) const {
     return rate > 0.0 ? settings_.stability / rate : infinity;
 }
 
-// Adds units of sand to the first row of a column, or takes them from the first rows that have some. Returns what was
-// added.
+// Adds units of sand to the first row of a column, or takes them from the first rows that have some. Returns
+// what was added.
 SandUnits DuneSolver::settle(const DownwindGrid& course, size_t column, double units) {
     double left = units;
     for (int step = 0; left != 0.0 && step < rows_; ++step) {

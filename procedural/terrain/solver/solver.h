@@ -90,7 +90,8 @@ class DuneSolver {
     int64_t steps() const { return state_.steps; }
     SandUnits in() const { return state_.in; }
     SandUnits out() const { return state_.out; }
-    // Sand not yet balanced at periodic borders, about what a step carries at most. Bed + airborne - in + out is constant.
+    // Sand not yet balanced at periodic borders, about what a step carries at most. Bed + airborne - in + out
+    // is constant.
     SandUnits airborne() const;
     void sand(std::span<SandUnits> out) const;
     // The fraction of the ground that plants cover. Requires plants.
@@ -130,9 +131,9 @@ class DuneSolver {
     WideVector<double> plant_height_; // metres; double, because the change per step is below float precision
     WideVector<double> sand_, sand_next_;
     WideVector<float> air_height_;
-    // The wind field: cosine and sine of its turn relative to the wind of the moment, positive from the rows' normal
-    // towards increasing columns; factor of the stress; and the local direction as a fractional index among the
-    // directions that compute_air() goes through. Empty without one.
+    // The wind field: cosine and sine of its turn relative to the wind of the moment, positive from the rows'
+    // normal towards increasing columns; factor of the stress; and the local direction as a fractional index
+    // among the directions that compute_air() goes through. Empty without one.
     WideVector<float> turn_cos_, turn_sin_, stress_factor_, direction_index_;
     double first_turn_ = 0.0, turn_spacing_ = 0.0; // radians: of direction 0, and between neighbours
     int direction_count_ = 1;

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Fourier transforms of eight columns at once, one per SIMD lane.
 //
-// Stockham's self-sorting form (C. Van Loan, "Computational Frameworks for the Fast Fourier Transform", 1992, section 1.7), decimation
-// in frequency. A pass of radix r over n = r m values with stride s reads a_j = x[q + s (p + m j)], j = 0 ... r - 1, and writes
+// Stockham's self-sorting form (C. Van Loan, "Computational Frameworks for the Fast Fourier Transform", 1992,
+// section 1.7), decimation in frequency. A pass of radix r over n = r m values with stride s reads a_j = x[q
+// + s (p + m j)], j = 0 ... r - 1, and writes
 //
 //   y[q + s (r p + k)] = w_n^(p k) sum over j of a_j w_r^(j k),  w_n = exp(-2 pi i / n),  p < m, q < s
 //

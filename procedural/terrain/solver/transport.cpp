@@ -8,9 +8,10 @@
 //
 // u*^2 = tau / rho_a is the local stress: |wind (1 + tau'_x) + across tau'_y| times that of the undisturbed
 // wind. It is 0 in a bubble, where the streamline is higher than a tenth of a cell above the ground; in
-// between it falls linearly, so brinks move by less than a cell. It is at most 4 times that of the undisturbed
-// wind: air flows around a cylinder at most twice as fast as before it, but linear theory has no bound at the
-// corners of walls. Nor is 1 + tau'_x below 0, or |tau'_y| above half of it: the stress turns by 27 degrees at most.
+// between it falls linearly, so brinks move by less than a cell. It is at most 4 times that of the
+// undisturbed wind: air flows around a cylinder at most twice as fast as before it, but linear theory has no
+// bound at the corners of walls. Nor is 1 + tau'_x below 0, or |tau'_y| above half of it: the stress turns by
+// 27 degrees at most.
 //
 // Along slopes of tangent s in the direction of the stress, the threshold in the bracket is that of a grain
 // with friction mu (J. Iversen and K. Rasmussen, Sedimentology 41, 1994): u*_t^2 (1 + s / mu) / sqrt(1 +
@@ -22,8 +23,8 @@
 // alpha = 0.42, v near 1 m/s and u_f = 1.8 m/s) gives about 0.55. Nothing else in the model levels grooves
 // along the wind.
 //
-// With obstacles, faces steeper than 45 degrees (or the angle of repose: SandPhysics.steepest) are walls, not slopes of
-// sand: grains neither climb them nor roll off them, and the terms above take 0 for their slope.
+// With obstacles, faces steeper than 45 degrees (or the angle of repose: SandPhysics.steepest) are walls, not
+// slopes of sand: grains neither climb them nor roll off them, and the terms above take 0 for their slope.
 //
 // Over plants (M. Raupach, D. Gillette, J. Leys, J. Geophys. Res. 98, 1993) the stress is divided by 1 +
 // plant_drag lambda, lambda the frontal area per area of ground. Behind plants it recovers (wake.cpp).
@@ -57,9 +58,9 @@
 // it has. So the bed changes by exactly what crosses the faces, which is Exner's equation, rho_b dh/dt = -div
 // q, and the balance at the borders is exact.
 //
-// Threads. Blocks of 12 rows; within a block, strips of columns. Each strip also computes a margin as wide as the
-// transport of the rows that are left in the block can reach. A cell's values do not depend on the strip that
-// computes them.
+// Threads. Blocks of 12 rows; within a block, strips of columns. Each strip also computes a margin as wide as
+// the transport of the rows that are left in the block can reach. A cell's values do not depend on the strip
+// that computes them.
 //
 // Cost: 5 ns a cell for q_sat, 6 ns for the march (one core).
 #include "procedural/terrain/solver/transport.h"
@@ -436,7 +437,8 @@ BorderFlux March::run(const DownwindGrid& course, DuneBorder border, const Input
                     float* const old = strip.before;
                     strip.before = strip.saturated, strip.saturated = strip.after, strip.after = old;
                 }
-                // Beyond its end the strip has no values: what they would change has come this far into the margin.
+                // Beyond its end the strip has no values: what they would change has come this far into the
+                // margin.
                 const int spoiled = whole ? 0 : (step - row0) * columns_per_row / lanes * lanes;
                 const int left = begin == 0 && !periodic ? 0 : spoiled;
                 const int right = end == columns && !periodic ? 0 : spoiled;

@@ -7,12 +7,12 @@
 //
 //   u*(x) = u* (1 - (1 - R0) exp(-x / (recovery p)))
 //
-// (G. Okin, "A new model of wind erosion in the presence of vegetation", J. Geophys. Res. 113, 2008; a recovery
-// of 2.1 heights: 99 % of the loss is recovered after 10). Where wakes meet, the larger deficit counts; a taller plant
-// whose deficit is smaller is forgotten, although its wake would last longer. Sand settles
-// where the wind is weak: a hummock in each tuft with a tail behind it, a nabkha (P. Hesp, "The formation of
-// shadow dunes", J. Sediment. Petrol. 51, 1981). A tail is as wide as the tuft at its start; avalanches make it
-// a ridge.
+// (G. Okin, "A new model of wind erosion in the presence of vegetation", J. Geophys. Res. 113, 2008; a
+// recovery of 2.1 heights: 99 % of the loss is recovered after 10). Where wakes meet, the larger deficit
+// counts; a taller plant whose deficit is smaller is forgotten, although its wake would last longer. Sand
+// settles where the wind is weak: a hummock in each tuft with a tail behind it, a nabkha (P. Hesp, "The
+// formation of shadow dunes", J. Sediment. Petrol. 51, 1981). A tail is as wide as the tuft at its start;
+// avalanches make it a ridge.
 //
 // Cost: 3 ns a cell on one core, 10 if plants grow (build/marram_bench). Memory: 8 bytes a cell, 12
 // if plants grow, and more for oblique winds over open ground. Deficits below 1/10,000 are cut to 0.
@@ -35,15 +35,16 @@ MARRAM_HOT void wake_own_deficit(const float* area, float drag, int count, float
         vstore(deficit + b, 1.0F - 1.0F / vsqrt(1.0F + drag * vload(area + b)));
 }
 
-// The fraction of a deficit that is left after one sample of a ray. `decay_height`: height of a plant, metres,
-// whose wake decays to 1/e in one sample.
+// The fraction of a deficit that is left after one sample of a ray. `decay_height`: height of a plant,
+// metres, whose wake decays to 1/e in one sample.
 MARRAM_HOT void wake_decay(const double* height, double decay_height, int count, float* decay) {
     const VDouble least = splat(decay_height / 600.0); // vexp() ends at -700; dead plants have no height
     for (int b = 0; b < count; b += lanes)
         vstore(decay + b, to_float(vexp(-decay_height / vmax(least, vload(height + b)))));
 }
 
-// Sweeps one group of rays downwind: own deficits become those of wakes too. `decay` NULL: `uniform_decay` everywhere.
+// Sweeps one group of rays downwind: own deficits become those of wakes too. `decay` NULL: `uniform_decay`
+// everywhere.
 MARRAM_HOT void wake_sweep(int length, const float* decay, float uniform_decay, float* deficit) {
     constexpr int vectors = DownwindRays::width / lanes;
     VFloat carried[vectors], carried_decay[vectors];

@@ -17,8 +17,8 @@ struct WakePlants {
 
 class Wake {
   public:
-    // `recovery`: length over which the wind recovers to 1/e, in plant heights; > 0. `deficit`: the fraction of
-    // the shear velocity that is missing in and behind plants, 0 to 1.
+    // `recovery`: length over which the wind recovers to 1/e, in plant heights; > 0. `deficit`: the fraction
+    // of the shear velocity that is missing in and behind plants, 0 to 1.
     void find(const DownwindGrid& grid, double recovery, const WakePlants& plants, size_t pitch,
               float* deficit);
 

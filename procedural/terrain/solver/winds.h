@@ -66,18 +66,18 @@ WindHistory recorded_wind(const WindRecord& record);
 
 // The entries of a record in turn.
 std::vector<TimedWind> winds_of(const WindRecord& record);
-// Entries that last less than `shortest` seconds are merged with those after them until they do. What replaces them moves
-// as much sand, as a vector, in the same time; without any, it is their mean wind.
+// Entries that last less than `shortest` seconds are merged with those after them until they do. What
+// replaces them moves as much sand, as a vector, in the same time; without any, it is their mean wind.
 std::vector<TimedWind> merged_winds(std::span<const TimedWind> winds, double shortest,
                                     const SandPhysics& physics);
 
-// How the wind differs from place to place, relative to the wind of the moment; per sample (i, j) at j * nx + i.
-// Empty: nowhere.
+// How the wind differs from place to place, relative to the wind of the moment; per sample (i, j) at j * nx +
+// i. Empty: nowhere.
 struct WindField {
     std::vector<float> turn;     // radians, from +x towards +z; at most most_turn to either side
     std::vector<float> strength; // factor of the shear velocity, 0 to 10
-    // The wind of the moment crosses rows at up to 45 degrees to their normal, the local one at up to 75; the march
-    // does not turn the flux by more than 79.
+    // The wind of the moment crosses rows at up to 45 degrees to their normal, the local one at up to 75; the
+    // march does not turn the flux by more than 79.
     static constexpr double most_turn = 30.0 * degree;
     bool empty() const { return turn.empty(); }
 };

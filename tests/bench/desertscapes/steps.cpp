@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Prints what a step of the published code of "Desertscapes Simulation" takes, on its default scene of 256^2 cells.
+// Prints what a step of the published code of "Desertscapes Simulation" takes, on its default scene of 256^2
+// cells.
 #include "desert.h"
 
 #include <chrono>

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Measures the wear by traced grains against closed forms, and prints tables. Their speed: build/marram_bench.
+// Measures the wear by traced grains against closed forms, and prints tables. Their speed:
+// build/marram_bench.
 //
 //     grains plates        plates at seven angles, both laws
 //     grains errors        sphere, step and cavity: error over paths, and its slope

@@ -210,8 +210,8 @@ TEST(Info, FindsParametersByName) {
     EXPECT_EQ(marram({"info", "no_such_subject"}).code, 2);
 }
 
-// A word with an underscore in a help text is a key, a type or a choice, not an identifier of the code that a renaming
-// has left there.
+// A word with an underscore in a help text is a key, a type or a choice, not an identifier of the code that a
+// renaming has left there.
 TEST(Info, NamesNothingButKeys) {
     const std::string text = printed({"info"});
     static const std::regex word("[a-z]+(_[a-z]+)+");

@@ -58,8 +58,8 @@ std::vector<std::string> files_in(const std::vector<std::string>& folders) {
     return files;
 }
 
-// Words and phrases that a renderer engineer would have to look up, or read twice. Names come from pbrt's book, Embree's manual and the
-// cited papers; sentences are short and active.
+// Words and phrases that a renderer engineer would have to look up, or read twice. Names come from pbrt's
+// book, Embree's manual and the cited papers; sentences are short and active.
 const std::vector<std::string> riddles = {"found_weight",
                                           "turn_dials",
                                           "Dialect",

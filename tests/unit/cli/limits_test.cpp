@@ -87,7 +87,8 @@ TEST(Limits, StandardOutputMayBeFull) {
     EXPECT_TRUE(fs::exists(folder / "a.exr"));
 }
 
-// Warnings that nobody can read are no reason to lose what was made, nor is a result: the run goes on to its end.
+// Warnings that nobody can read are no reason to lose what was made, nor is a result: the run goes on to its
+// end.
 TEST(Limits, StandardErrorMayBeFull) {
     const Folder folder;
     const std::string scene = folder.write(
@@ -120,7 +121,8 @@ TEST(Limits, StatisticsAreReportedAtTheEnd) {
     }
 }
 
-// The reader of a pipe may leave, as `head` does: the frames are rendered, then the process ends as others do.
+// The reader of a pipe may leave, as `head` does: the frames are rendered, then the process ends as others
+// do.
 TEST(Limits, TheReaderOfAPipeMayLeave) {
     const Folder folder;
     const std::string scene = folder.write("a.toml", SceneText());

@@ -364,7 +364,8 @@ type = "noise"
     EXPECT_EQ(number(rows[3], "error"), 0.0); // the reference
 }
 
-// Levels of erosion have different meshes: their distances are compared. A coarse level is the fine one, smoothed.
+// Levels of erosion have different meshes: their distances are compared. A coarse level is the fine one,
+// smoothed.
 TEST(Measure, turns_the_levels_of_a_rock) {
     const Folder folder;
     const std::string scene = folder.write("a.toml", std::string(small_picture) + R"([[mesh]]

@@ -372,7 +372,8 @@ TEST(Render, names_of_files_tell_every_frame) {
     EXPECT_TRUE(has_frame_mark("shot/a#.exr"));
 }
 
-// Lights that the camera does not see: RGB and alpha are 0 beside the strands, in PNG too; a shadow catcher adds alpha only.
+// Lights that the camera does not see: RGB and alpha are 0 beside the strands, in PNG too; a shadow catcher
+// adds alpha only.
 TEST(Render, TransparentPictures) {
     const Folder folder;
     const std::string scene = folder.write("a.toml", SceneText());

@@ -36,8 +36,8 @@ TEST(Speed, OfStrandsIsSmallBesideTheBvh) {
     EXPECT_LT(extra, 8.0 * cvs);
 }
 
-// How often the time of few goes into that of many. Each is the least of three runs: whatever else runs on the
-// machine only adds.
+// How often the time of few goes into that of many. Each is the least of three runs: whatever else runs on
+// the machine only adds.
 template <typename Run>
 double least_ratio(Run&& seconds, const std::string& many, const std::string& few) {
     double much = INFINITY, little = INFINITY;
@@ -59,11 +59,11 @@ double stat(const Folder& folder, const std::string& scene, const char* name,
     return nlohmann::json::parse(read_file(folder / "a.json"))["seconds"][name];
 }
 
-// Both tests take eight times as many items: 8 times the time if it is linear, 64 times if it is quadratic. The
-// bound is far from both.
+// Both tests take eight times as many items: 8 times the time if it is linear, 64 times if it is quadratic.
+// The bound is far from both.
 
-// Of eight times as many CVs per strand, 19 times as many segments are in contact, and the time is 13 to 15 times as
-// long. It was 64 times when each segment looked ahead to the tip.
+// Of eight times as many CVs per strand, 19 times as many segments are in contact, and the time is 13 to 15
+// times as long. It was 64 times when each segment looked ahead to the tip.
 TEST(Speed, OfContactIsLinearInCvs) {
     const Folder folder;
     SceneText text{.groom = "count = 500\nlength = [0.3, 0.5]\nwidth = 0.002\nclear_of = \"none\"\n"};

@@ -47,7 +47,8 @@ TEST(Texture, FromAfarIsTheMeanOfItsLight) {
     EXPECT_NEAR(near->at({0.125F, 0.875F}, 0.0F, Wrap::repeat).x(), 0.0, 1e-3); // the top left square
     EXPECT_NEAR(near->at({0.375F, 0.875F}, 0.0F, Wrap::repeat).x(), 1.0, 1e-3);
     EXPECT_NEAR(near->at({1.375F, -7.125F}, 0.0F, Wrap::repeat).x(), 1.0, 1e-3); // the image repeats
-    // At the border, half a pixel inside: clamped, the far side has no share. Beyond, the pixel at the border stays.
+    // At the border, half a pixel inside: clamped, the far side has no share. Beyond, the pixel at the border
+    // stays.
     for (const auto& [u, v] : {std::pair(0.0005F, 0.875F), {0.125F, 0.9995F}, {-3.0F, 0.875F}}) {
         EXPECT_NEAR(near->at({u, v}, 0.0F, Wrap::clamp).x(), 0.0, 1e-3);
         EXPECT_TRUE(u < 0.0F || near->at({u, v}, 0.0F, Wrap::repeat).x() > 0.2F);

@@ -142,7 +142,8 @@ void expect_within_tolerance(const OpenDial& dial) {
         std::vector<std::string> few = with_about(dial.strands, file, whole);
         few.push_back("wind.collision={solver=\"none\"}");
         for (const std::string& change : for_grooms(dial.both, whole)) few.push_back(change);
-        // The 32 rays of figure1c.toml err by more than the tolerance, as it says: that is not the dial's error.
+        // The 32 rays of figure1c.toml err by more than the tolerance, as it says: that is not the dial's
+        // error.
         if (whole.description.wind.find("shielding.rays") != nullptr)
             few.push_back("wind.shielding.rays=1024");
         const auto with = [&](const std::vector<std::string>& changes) {

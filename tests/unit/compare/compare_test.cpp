@@ -122,8 +122,8 @@ TEST(Compare, small_differences_everywhere_are_found) {
         << other.faults[0];
 }
 
-// Where noise could hide a difference that people would see, the pictures are neither alike nor different; with
-// the samples that the message asks for they are alike.
+// Where noise could hide a difference that people would see, the pictures are neither alike nor different;
+// with the samples that the message asks for they are alike.
 TEST(Compare, noise_that_could_hide_a_difference_is_said) {
     constexpr double noise = 0.2;
     const Comparison c = compared(made(2, noise), made(1, noise));

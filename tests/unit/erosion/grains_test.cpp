@@ -129,7 +129,8 @@ TEST(Grains, EveryGrainAndItsEnergyIsAccountedFor) {
         }
 }
 
-// Without gravity a path to the first hit is one chord: a limit of one chord lets as many grains hit as one of one hit.
+// Without gravity a path to the first hit is one chord: a limit of one chord lets as many grains hit as one
+// of one hit.
 TEST(Grains, FlyTheLastPermittedChord) {
     GrainScene scene;
     const unsigned id = scene.add(grain_plate({0.0, 0.0, 0.0}, {0.0, 1.0, 0.0}, {0.0, 0.0, 1.0}, 4, 4));
@@ -144,8 +145,8 @@ TEST(Grains, FlyTheLastPermittedChord) {
     EXPECT_EQ(chord.worn_hits, hit.worn_hits);
 }
 
-// In air of one speed an arc with drag is exact however long its chords are, so hops are, too. Only the end of the box is
-// seen later, half a hop of fifty.
+// In air of one speed an arc with drag is exact however long its chords are, so hops are, too. Only the end
+// of the box is seen later, half a hop of fifty.
 TEST(Grains, LandWithDragAsWithFineChords) {
     GrainScene scene; // its rock is buried
     const unsigned id = scene.add(grain_plate({0.0, -1.0, 0.0}, {5.0, 0.0, 0.0}, {0.0, 0.0, 1.0}, 1, 1));
@@ -361,8 +362,8 @@ TEST(Grains, QuadsWearAsTheirTriangles) {
               1e-3); // hits near an edge may be those of its other triangle
 }
 
-// Quads whose diagonal is a thousandth of their edges, far from the origin in units of it: rays leave them on their outer
-// side, or grains would be caught inside.
+// Quads whose diagonal is a thousandth of their edges, far from the origin in units of it: rays leave them on
+// their outer side, or grains would be caught inside.
 TEST(Grains, LeaveSqueezedQuadsOutside) {
     std::array<GrainReport, 2> reports;
     for (const bool quads : {false, true}) {

@@ -261,7 +261,8 @@ void expect_seen_as_the_cubic(const char* shape, double most_other) {
                     static_cast<unsigned long long>(seen.far), seen.along, seen.angle);
         EXPECT_GT(seen.both, 4000U);
         EXPECT_LT(double(seen.other), most_other * double(seen.both));
-        // Embree 4 misses the first hit of a few rays with a round cubic, and finds the same strand behind it.
+        // Embree 4 misses the first hit of a few rays with a round cubic, and finds the same strand behind
+        // it.
         EXPECT_LE(seen.far, MARRAM_EMBREE_MAJOR == 4 ? seen.both / 2000 : 0U);
         EXPECT_LT(seen.along, 0.02);
         EXPECT_LT(seen.angle, 0.05);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The host's own task executor (MarramHost.parallel_for): the same bits as with TBB, and faults and cancellation
-// within tasks are reported as elsewhere.
+// The host's own task executor (MarramHost.parallel_for): the same bits as with TBB, and faults and
+// cancellation within tasks are reported as elsewhere.
 #include "tested_procedural.h"
 
 #include <atomic>

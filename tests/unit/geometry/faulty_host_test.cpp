@@ -470,7 +470,8 @@ TEST_F(FaultyHost, IsToldOfWrongFrames) {
     }
 }
 
-// Embree does not need a mesh without triangles, and does not survive a question for an id that it does not have.
+// Embree does not need a mesh without triangles, and does not survive a question for an id that it does not
+// have.
 TEST_F(FaultyHost, NeedNotAttachMeshesWithoutTriangles) {
     const std::shared_ptr<RTCSceneTy> boulder_alone(rtcNewScene(world.device.get()), rtcReleaseScene);
     world.meshes[1].attach(world.device.get(), boulder_alone.get(), 1);

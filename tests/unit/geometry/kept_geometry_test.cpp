@@ -157,8 +157,9 @@ TEST(KeptGeometry, AnEvolvingTerrainIsThatOfItsFrame) {
     EXPECT_NE(counts[1], counts[0]);
 }
 
-// Random gusts start across the bounds of the meshes in the first frame rendered. An evolving terrain has others later: that is
-// reported, once, and what the message says to give makes each frame that of itself alone.
+// Random gusts start across the bounds of the meshes in the first frame rendered. An evolving terrain has
+// others later: that is reported, once, and what the message says to give makes each frame that of itself
+// alone.
 TEST(KeptGeometry, GustsOnAnEvolvingTerrainAreReported) {
     const auto text = [](const std::string& start) {
         return evolving_grass + "wind.gusts = { num_gusts = 5, radius_range = [3, 5], period = 24" + start +

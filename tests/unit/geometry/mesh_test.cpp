@@ -338,7 +338,8 @@ TEST_F(MeshFiles, PlyKeepsNormalsAndFloats) {
 
 // ---- Sides ------------------------------------------------------------------------------------------------
 
-// An .obj of `n` x `n` squares in the plane y = 0, facing up; those for which reversed(square) holds face down. vn: "" or lines.
+// An .obj of `n` x `n` squares in the plane y = 0, facing up; those for which reversed(square) holds face
+// down. vn: "" or lines.
 std::string squares(int n, const std::function<bool(int)>& reversed, const std::string& normal = "") {
     std::string text = normal;
     for (int j = 0; j <= n; ++j)
@@ -577,8 +578,8 @@ TEST_F(MeshFiles, MutationsNeverDoWorseThanAnInputError) {
         }
 }
 
-// Ten times the lines: 10 times the time if it is linear, 100 times if a step is quadratic. Each time is the least
-// of three, for whatever else runs only adds.
+// Ten times the lines: 10 times the time if it is linear, 100 times if a step is quadratic. Each time is the
+// least of three, for whatever else runs only adds.
 TEST_F(MeshFiles, LongFilesTakeLinearTime) {
     const auto least_seconds = [&](int vertices) {
         std::ostringstream text;

@@ -168,7 +168,8 @@ bool warns(const TestScene& scene, const std::string& what) {
                                [&](const std::string& text) { return text.find(what) != std::string::npos; });
 }
 
-// What was given, less what is left. The first of four levels has few voxels across the ball: this is warned of.
+// What was given, less what is left. The first of four levels has few voxels across the ball: this is warned
+// of.
 TEST(Rock, ReportsWhatIsGone) {
     const std::string settings = "sand_level = 0\nspeed = 12\nheight = 1\nvoxel = 0.08\nyears = 500\n";
     double one = 0.0; // m^3, with one level

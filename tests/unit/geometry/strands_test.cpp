@@ -174,7 +174,8 @@ TEST(Strands, OnInstancesStandInTheWindOfTheirPlace) {
     }
 }
 
-// What is asked for in metres on the mesh, the height of roots, grows with an instance; the tolerance does not.
+// What is asked for in metres on the mesh, the height of roots, grows with an instance; the tolerance does
+// not.
 TEST(Strands, OnLargeInstancesAreBoundedAndChosenFor) {
     struct Swung : TestScene {
         Swung(const std::string& wind, const std::string& transform)

@@ -694,8 +694,8 @@ TEST(Terrain, TheWindOfTheSolverIsDrawn) {
            "give wind_along or wind_map");
 }
 
-// A wall stands in the solver's sand: it gathers in front, frames do not depend on states, and the bedrock is not
-// changed. A mesh beside the terrain is told.
+// A wall stands in the solver's sand: it gathers in front, frames do not depend on states, and the bedrock is
+// not changed. A mesh beside the terrain is told.
 TEST(Terrain, AMeshStandsInTheSolversSand) {
     const std::string wall = "\n[[mesh]]\nname = \"wall\"\ntype = \"box\"\nsize = [1.4, 6, 16]\n";
     const auto blown = [&](const std::string& more, const std::string& place) {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A small host for tests: it lends a ground that moves, a boulder and a line, and calls each procedural of our
-// library with settings that make it do all that it can.
+// A small host for tests: it lends a ground that moves, a boulder and a line, and calls each procedural of
+// our library with settings that make it do all that it can.
 #pragma once
 
 #include "build_scene.h"
@@ -163,8 +163,8 @@ class LentWorld {
         other_device{rtcNewDevice(nullptr), rtcReleaseDevice};
     std::shared_ptr<RTCSceneTy> scene{rtcNewScene(device.get()), rtcReleaseScene},
         other_scene{rtcNewScene(other_device.get()), rtcReleaseScene};
-    // No meshes, the meshes under each other's ids, with the ground 1 m beside, without rtcCommitScene(), with the
-    // boulder as an instance.
+    // No meshes, the meshes under each other's ids, with the ground 1 m beside, without rtcCommitScene(),
+    // with the boulder as an instance.
     std::shared_ptr<RTCSceneTy> empty_scene{rtcNewScene(device.get()), rtcReleaseScene},
         swapped_scene{rtcNewScene(device.get()), rtcReleaseScene},
         elsewhere_scene{rtcNewScene(device.get()), rtcReleaseScene},

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What all readers of text have in common: the encoding, strict numbers; and what real files of each format do.
+// What all readers of text have in common: the encoding, strict numbers; and what real files of each format
+// do.
 #include "core/geometry/mesh.h"
 #include "core/geometry/polylines.h"
 #include "core/geometry/strand_file.h"

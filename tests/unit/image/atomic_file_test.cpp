@@ -215,7 +215,8 @@ TEST_F(AtomicFiles, KeepThePermissionsOfWhatTheyReplace) {
     ::umask(before);
 }
 
-// A link that the user names is kept, and its file replaced; where the program makes up the name it is the other way round.
+// A link that the user names is kept, and its file replaced; where the program makes up the name it is the
+// other way round.
 TEST_F(AtomicFiles, FollowOnlyLinksThatTheUserNames) {
     const std::string link = path("link"), victim = path("victim"), nowhere = path("nowhere");
     write_text(victim, "old");

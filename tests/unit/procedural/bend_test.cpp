@@ -276,8 +276,8 @@ TEST(Bend, degenerate_strands_do_not_move_or_break) {
     EXPECT_EQ(curve_of(strands, strands.pose, 0), curve_of(strands, strands.rest, 0));
 }
 
-// The same strand with 5, 9, 17 and 65 CVs: with reference_segments the poses converge with the square of their
-// number.
+// The same strand with 5, 9, 17 and 65 CVs: with reference_segments the poses converge with the square of
+// their number.
 TEST(Bend, more_cvs_show_the_same_pose) {
     Wind wind = strong_wind();
     wind.direction = Vec3d::UnitX();

@@ -282,7 +282,8 @@ TEST(Jiggle, step_ramp_and_sinusoid_have_their_closed_form) {
         const std::vector<double> times = {0.2, 3.0, 7.25, 12.5, 19.9, 31.3};
         const Motion step = slope_motion([](double f) { return f >= 2.0 ? 1.0 : 0.0; });
         const Motion rising = slope_motion([](double f) { return f >= 2.0 ? (f - 2.0) / frame_rate : 0.0; });
-        // sin interpolated linearly between samples: the slope changes at each sample, each change starts a ramp
+        // sin interpolated linearly between samples: the slope changes at each sample, each change starts a
+        // ramp
         const auto sine = [](double f) { return f > 0.0 ? 0.5 * std::sin(0.4 * f) : 0.0; };
         const auto got = run(jiggle, times, {step, rising, slope_motion(sine)});
         for (size_t i = 0; i < times.size(); ++i) {
@@ -751,7 +752,8 @@ TEST(Jiggle, scenes_are_read_and_contradictions_refused) {
     EXPECT_EQ(listed, jiggle_params().size());
 }
 
-// Prints the error of the step between samples and the cost per sample. Only the error of the step has a bound.
+// Prints the error of the step between samples and the cost per sample. Only the error of the step has a
+// bound.
 TEST(Jiggle, measured_error_of_the_step_and_cost) {
     for (const double hertz : {1.0, 2.0, 5.0})
         for (const double step : {2.0, 1.0, 0.5, 0.25, 0.125}) {

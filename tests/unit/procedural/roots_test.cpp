@@ -150,7 +150,8 @@ TEST(Roots, half_a_mask_is_half_the_strands) {
     }
 }
 
-// A quadrant of 8 x 8 pixels is white. Bilinear filtering spreads it by a pixel, but not to the opposite edges, unless it repeats.
+// A quadrant of 8 x 8 pixels is white. Bilinear filtering spreads it by a pixel, but not to the opposite
+// edges, unless it repeats.
 TEST(Roots, an_image_ends_at_its_border) {
     const TestSurface plane = grid_surface(20, 2.0);
     std::vector<float> quadrant(64, 0.0F);

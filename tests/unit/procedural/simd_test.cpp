@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The polynomials of core/math/simd.h against the C library, which errs by less than an ulp, over their whole stated domains.
+// The polynomials of core/math/simd.h against the C library, which errs by less than an ulp, over their whole
+// stated domains.
 #include "core/math/simd.h"
 
 #include "core/math/hash.h"

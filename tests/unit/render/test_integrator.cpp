@@ -168,7 +168,8 @@ TEST(Sides, WindingAndNormalsMayDisagree) {
     }
 }
 
-// A floor that catches the shadow of a square above it: alpha is the share of the sky that the square covers, RGB is 0.
+// A floor that catches the shadow of a square above it: alpha is the share of the sky that the square covers,
+// RGB is 0.
 TEST(ShadowCatcher, AlphaIsTheShareOfLightThatIsBlocked) {
     WorldBuilder builder;
     add_floor(builder);
@@ -214,8 +215,9 @@ TEST_P(Strategies, PlaneUnderEmittingSquare) {
     EXPECT_NEAR(mean_of(film, "beauty") / expected, 1.0, GetParam() == Strategy::bsdf_sampling ? 2e-2 : 5e-3);
 }
 
-// A lamp that shrinks to a point at mid-shutter and grows again: its area is 1, 0, 1 at the keys and quadratic between, so the
-// mean is a third. Scaled about its centre, it is far enough away to count by its area.
+// A lamp that shrinks to a point at mid-shutter and grows again: its area is 1, 0, 1 at the keys and
+// quadratic between, so the mean is a third. Scaled about its centre, it is far enough away to count by its
+// area.
 TEST_P(Strategies, LampWithoutAreaAtMidShutter) {
     WorldBuilder builder({0.0, 0.5, 1.0});
     add_floor(builder);

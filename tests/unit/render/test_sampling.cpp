@@ -335,7 +335,8 @@ TEST(Sky, AlikeColoursAreExact) {
     }
 }
 
-// Whatever the haze, the land is hidden at the horizon and seen below, and the light that is sampled is all there is.
+// Whatever the haze, the land is hidden at the horizon and seen below, and the light that is sampled is all
+// there is.
 TEST(Sky, HazeHidesTheLandAtTheHorizon) {
     for (const float haze : {0.0F, 1e-4F, 0.01F, 1.0F}) {
         SkyLight sky;

@@ -105,8 +105,8 @@ TEST(Spawn, LeavesTriangles) {
     }
 }
 
-// A ball of few triangles with smooth normals: where these face a light, nothing of the ball shadows it; where they face
-// away, all is in shadow.
+// A ball of few triangles with smooth normals: where these face a light, nothing of the ball shadows it;
+// where they face away, all is in shadow.
 TEST(Spawn, StartsOnTheSmoothSurface) {
     const Vec3f light = Vec3f(0.48F, 0.6F, 0.64F);
     for (const Setting& s : settings) {
@@ -143,8 +143,8 @@ TEST(Spawn, StartsOnTheSmoothSurface) {
     }
 }
 
-// A slab with the vertex normals of a ball, of which the curved patch is more than a metre high, 0.3 m below a board: the
-// board shadows it.
+// A slab with the vertex normals of a ball, of which the curved patch is more than a metre high, 0.3 m below
+// a board: the board shadows it.
 TEST(Spawn, DoesNotStartBeyondWhatShadows) {
     WorldBuilder builder;
     std::vector<Vec3f> slab, normals, board;
@@ -254,7 +254,8 @@ void fibre_table(MarramShape shape, const char* shape_name, uint32_t pieces = 0)
             std::printf("[ self-hit ] %-9s %-9s %-30s", shape_name, f.name,
                         side == Side::outside ? "outwards" : "through");
             const bool drawn = shape == MARRAM_RIBBON && pieces == 0; // Embree's ribbon, as quadrilaterals
-            // Embree 4 computes hits with round cubics less accurately: one ray of 19,000 meets a fibre again.
+            // Embree 4 computes hits with round cubics less accurately: one ray of 19,000 meets a fibre
+            // again.
             const double straight = MARRAM_EMBREE_MAJOR == 4 ? 2e-4 : 1e-5;
             fibre_row(shape, f, side, f.bend == 0.0 ? straight : drawn ? 1e-4 : 1e-3, pieces);
         }
@@ -290,8 +291,8 @@ TEST(Spawn, StartsOnWhatIsTraced) {
             std::printf("[   hits   ] %-16s %6llu hits, off by %.1e m\n", name,
                         static_cast<unsigned long long>(hits), farthest);
             EXPECT_GT(hits, 50U);
-            // The ribbon's cubic deviates from the traced shape by 5e-4. Embree 4 finds some hits with round cubics up
-            // to 3.6e-5 beside the fibre, whose radius is 1e-3.
+            // The ribbon's cubic deviates from the traced shape by 5e-4. Embree 4 finds some hits with round
+            // cubics up to 3.6e-5 beside the fibre, whose radius is 1e-3.
             const bool inexact = MARRAM_EMBREE_MAJOR == 4 && shape == MARRAM_ROUND;
             EXPECT_LT(farthest, inexact ? 5e-5 : 4e-6) << name;
         }

@@ -487,7 +487,8 @@ TEST(DuneShape, OuterSlopeIsStretchedAlongTheAxis) {
         s.outer_slope_turn = turn;
         const DuneShape dune(straight, false, s);
         const double c = std::cos(turn), t = std::sin(turn), k = 3.0;
-        // M = 1 + (k - 1) b b^T for b = (c, t); the distance of M P from the line of M (1, 0) is det M |P| / |M (1, 0)|
+        // M = 1 + (k - 1) b b^T for b = (c, t); the distance of M P from the line of M (1, 0) is det M |P| /
+        // |M (1, 0)|
         const double stretched = k / std::hypot(1.0 + (k - 1.0) * c * c, (k - 1.0) * c * t);
         EXPECT_NEAR(foot(dune, -1.0), 12.0 / stretched, 0.02);
         EXPECT_NEAR(foot(dune, 1.0), 7.2, 0.02); // the inner slope is unchanged

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Meshes that stand in the dune solver's wind and sand: their height field, and what the solver does around them.
+// Meshes that stand in the dune solver's wind and sand: their height field, and what the solver does around
+// them.
 #include "procedural/terrain/obstacle.h"
 
 #include "core/math/hash.h"
@@ -93,7 +94,8 @@ TEST(Obstacle, StandsInTheCellsThatItCrosses) {
     }
 }
 
-// A ring of sheets without thickness separates what is inside from what is outside, also across corners of cells.
+// A ring of sheets without thickness separates what is inside from what is outside, also across corners of
+// cells.
 TEST(Obstacle, ThinSheetsLeaveNoHole) {
     ObstacleField field(80, 80, 0.5, 0.3);
     constexpr int sides = 17;
@@ -135,8 +137,8 @@ TEST(Obstacle, DoorsAreOpen) {
     EXPECT_FLOAT_EQ(float(heights[field.nearest(0.0, -4.0)]), 0.2F);
 }
 
-// A door as wide as two cells, with jambs on the borders of cells, stays open. The winding of a mesh does not matter;
-// without a bottom it is hollow.
+// A door as wide as two cells, with jambs on the borders of cells, stays open. The winding of a mesh does not
+// matter; without a bottom it is hollow.
 TEST(Obstacle, BordersAndWindings) {
     ObstacleField field(32, 32, 0.5, 0.5);
     const double border = 0.25; // of cells: between samples at 0 and 0.5
@@ -180,8 +182,8 @@ TEST(Obstacle, InvalidMeshesAreLeftOut) {
     EXPECT_TRUE(Obstacle(field.domain, far.mesh()).empty());
 }
 
-// The level in the mesh is that beside it; the lower one in a wall of one cell; its own where sand buries it, but not
-// on top of a wall that shows a face.
+// The level in the mesh is that beside it; the lower one in a wall of one cell; its own where sand buries it,
+// but not on top of a wall that shows a face.
 TEST(Obstacle, IsFilledToTheLevelBesideIt) {
     const Domain domain{12, 4, 0.5, 0.0, 0.0};
     const std::vector<float> rock(domain.count(), 0.25F);
@@ -225,8 +227,8 @@ TEST(Obstacle, ABuriedMeshLeavesTheSurface) {
     }
 }
 
-// A court behind walls: sand gathers in front and is kept out, the lee is blown bare, and every unit is accounted
-// for. Winds along and oblique to the grid; the same bits on one thread.
+// A court behind walls: sand gathers in front and is kept out, the lee is blown bare, and every unit is
+// accounted for. Winds along and oblique to the grid; the same bits on one thread.
 TEST(Obstacle, WallsKeepSandOut) {
     for (const double turn : {0.0, 0.6}) {
         ObstacleField field(80, 80, 0.6, 0.3);
@@ -276,8 +278,8 @@ TEST(Obstacle, WallsKeepSandOut) {
     }
 }
 
-// Behind a wall and in front of it the shelter is a triangle, forwards, backwards and oblique to the grid; without
-// `convergence` it is as wide as the wall.
+// Behind a wall and in front of it the shelter is a triangle, forwards, backwards and oblique to the grid;
+// without `convergence` it is as wide as the wall.
 TEST(Obstacle, TheShelterOfAWallNarrows) {
     constexpr double cell = 0.5, width = 8.0;
     for (const double drift : {0.0, 0.5, -1.0})
@@ -343,7 +345,8 @@ TEST(Obstacle, TheShelterOfAWallCrossesTheSeam) {
         }
 }
 
-// A wall beside the wind's way is no slope: the flux along its foot is that of open ground, and turns nowhere.
+// A wall beside the wind's way is no slope: the flux along its foot is that of open ground, and turns
+// nowhere.
 TEST(Obstacle, AWallAlongTheWindIsNoSlope) {
     for (const bool backwards : {false, true}) {
         const DownwindGrid course = {16, 48, true, 0.5, backwards, 0.0};
@@ -367,8 +370,8 @@ TEST(Obstacle, AWallAlongTheWindIsNoSlope) {
     }
 }
 
-// Sand below the angle of repose rests beside a wall at any angle, also if dust falls off the wall; above it slides
-// along the wall.
+// Sand below the angle of repose rests beside a wall at any angle, also if dust falls off the wall; above it
+// slides along the wall.
 TEST(Obstacle, SandRestsBesideWalls) {
     struct Case {
         double slope, dust; // tangent (of repose: 0.67), metres

@@ -50,8 +50,8 @@ Marched march(int rows, int columns, double most_turn, int shift) {
     return result;
 }
 
-// A strip's margin is what the rows of a block can reach: a wrong one shows where strips meet, which is elsewhere
-// once the columns have moved.
+// A strip's margin is what the rows of a block can reach: a wrong one shows where strips meet, which is
+// elsewhere once the columns have moved.
 TEST(DuneMarch, StripsDoNotShow) {
     for (const int columns : {9, 129, 300, 1025})
         for (const double turn : {0.5, 1.0, 2.3, 5.0}) {

@@ -95,7 +95,8 @@ TEST(DuneShear, WavesHaveTheStressOfTheFormula) {
     }
 }
 
-// Half the resolution of 64 rows is 16 waves: what is longer has the stress that it has alone at full resolution.
+// Half the resolution of 64 rows is 16 waves: what is longer has the stress that it has alone at full
+// resolution.
 TEST(DuneShear, WavesBelowItsResolutionMakeNone) {
     constexpr int rows = 64, columns = 40;
     const size_t pitch = size_t(Shear::pitch(columns));

@@ -332,8 +332,8 @@ TEST(DuneSolver, AHeapBecomesABarchan) {
     EXPECT_LT(asymmetry, 0.05 * crest);
 }
 
-// What is on its way across the periodic border after any step of `seconds`: of all sand, and of what the greatest step
-// can carry.
+// What is on its way across the periodic border after any step of `seconds`: of all sand, and of what the
+// greatest step can carry.
 struct Airborne {
     double of_all = 0.0, of_carried = 0.0;
 };
@@ -370,7 +370,8 @@ TEST(DuneSolver, NoSandIsMadeAtThePeriodicBorder) {
     const std::vector<SandUnits> waves = sand_of(metres, [](double x, double z) {
         return 1.0 + std::sin(4.0 * pi * x + 1.0) * std::cos(2.0 * pi * z) + 0.3 * std::sin(6.0 * pi * x);
     });
-    // Level sand hardly moves in the first wind, crests do; then the wind is strong. It was 20 times all sand.
+    // Level sand hardly moves in the first wind, crests do; then the wind is strong. It was 20 times all
+    // sand.
     for (const double above : {2.8e-3, 1.6e-4, 2.5e-6, 6e-7}) {
         const SandWind weak{1.0, 0.0, threshold * (1.0 + above)}, strong{1.0, 0.0, 2.37 * threshold};
         EXPECT_LT(
@@ -386,8 +387,8 @@ TEST(DuneSolver, NoSandIsMadeAtThePeriodicBorder) {
         chaos.seed = seed;
         EXPECT_LT(most_airborne(metres, waves, chaotic_wind(chaos), 20.0 * day).of_all, 5e-4) << seed;
     }
-    // Domains much shorter than the saturation length, whose outflow remembers the inflow: on a slope, and in a calm
-    // after a strong wind. It was 0.7 times all sand.
+    // Domains much shorter than the saturation length, whose outflow remembers the inflow: on a slope, and in
+    // a calm after a strong wind. It was 0.7 times all sand.
     const auto slope = [](double x, double z) { return 1.0 + 1e-4 * (x + z); };
     const Domain millimetres{32, 32, 1e-3, 0.0, 0.0}, centimetres{32, 32, 0.01, 0.0, 0.0};
     EXPECT_LT(
@@ -397,8 +398,9 @@ TEST(DuneSolver, NoSandIsMadeAtThePeriodicBorder) {
                             wind_sequence({{{1.0, 0.0, 0.434}, 60.0}, {{1.0, 0.0, 0.13}, day}}), 2.0 * day)
                   .of_all,
               2e-5);
-    // A heap on rock, in a wind off the grid: what reaches a column of bare rock after some round trips. Winds and calms
-    // in turn, two winds in turn, and steps that carry next to nothing. It was up to 4,300 times what a step carries.
+    // A heap on rock, in a wind off the grid: what reaches a column of bare rock after some round trips.
+    // Winds and calms in turn, two winds in turn, and steps that carry next to nothing. It was up to 4,300
+    // times what a step carries.
     const std::vector<SandUnits> heap = sand_of(metres, [](double x, double z) {
         return 3.0 * (0.15 - 5.0 * (std::pow(x - 0.5, 2) + std::pow(z - 0.5, 2)));
     });

@@ -90,7 +90,8 @@ TEST(Wake, TheLargerDeficitCountsAndHeightsDiffer) {
     EXPECT_EQ(field.at(4, 8), 0.0);
 }
 
-// Dead plants have no height and no deficit; live ones between them keep their wakes, with winds at any angle.
+// Dead plants have no height and no deficit; live ones between them keep their wakes, with winds at any
+// angle.
 TEST(Wake, DeadPlantsChangeNothing) {
     for (const double drift : {0.0, 0.3, -0.7})
         for (const double recovery : {1.0, 2.1, 5.0})
@@ -141,7 +142,8 @@ TEST(Wake, GoesAroundAPeriodicBorderOnly) {
     }
 }
 
-// Tufts in a stream of sand over hard ground: without wakes a hummock in each tuft, with them a tail behind it.
+// Tufts in a stream of sand over hard ground: without wakes a hummock in each tuft, with them a tail behind
+// it.
 TEST(Wake, SandGathersInATailBehindATuft) {
     const Domain domain{96, 48, 0.25, 0.0, 0.0};
     std::vector<float> rock(domain.count(), 0.0F), plants(domain.count(), 0.0F);

@@ -149,11 +149,12 @@ class EntryPoints {
                                 const MarramStates* states) {
         return call(opaque, [&](P& instance) {
             if (!instance.prepares()) return;
+            instance.begun = false; // until begin() has seen what the simulation changes
             if (!states) return instance.prepare(lent_frame(frame), nullptr);
-            if (!states->load || !states->store)
+            const MarramStates known = known_part(states);
+            if (!known.load || !known.store)
                 throw SceneFault("contract.null_states", "", "the states are NULL",
                                  "pass functions that load and store");
-            const MarramStates known = known_part(states);
             instance.prepare(lent_frame(frame), &known);
         });
     }
@@ -217,7 +218,7 @@ class EntryPoints {
 
     static MarramStatus view_mesh(MarramInstance* opaque, MarramMeshBuffers* buffers) {
         return call(opaque, [&](P& instance) {
-            if (!instance.view_begun())
+            if (!instance.begun || !instance.view_begun())
                 throw SceneFault("contract.no_view", "", "no view has begun", "call begin_view first");
             check_mesh_buffers(buffers, attribute_count(instance));
             instance.view_mesh(*buffers);

@@ -9,7 +9,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::string_view placeholder = "<UDIM>";
+constexpr std::string_view marker = "<UDIM>";
 constexpr int first_tile = 1001, columns = 10;
 constexpr size_t digits = 4;
 
@@ -26,17 +26,17 @@ int tile_of(std::string_view text) {
 int udim_number(int u, int v) { return first_tile + u + columns * v; }
 
 bool has_udim(std::string_view path) {
-    const size_t at = path.rfind(placeholder);
+    const size_t at = path.rfind(marker);
     return at != std::string_view::npos && path.find('/', at) == std::string_view::npos;
 }
 
 std::vector<UdimTile> udim_tiles(const std::string& path) {
     const fs::path pattern(path);
     const std::string name = pattern.filename().string();
-    const size_t at = name.rfind(placeholder);
+    const size_t at = name.rfind(marker);
     std::vector<UdimTile> tiles;
     if (at == std::string::npos) return tiles;
-    const std::string before = name.substr(0, at), after = name.substr(at + placeholder.size());
+    const std::string before = name.substr(0, at), after = name.substr(at + marker.size());
     std::error_code error;
     const fs::path folder = pattern.has_parent_path() ? pattern.parent_path() : fs::path(".");
     for (fs::directory_iterator entry(folder, error), end; !error && entry != end; entry.increment(error)) {
@@ -60,7 +60,7 @@ std::string udim_pattern(const std::string& path) {
         const size_t end = at + digits;
         if (end < path.size() && is_border(path[at - 1]) && is_border(path[end]) &&
             tile_of(std::string_view(path).substr(at, digits)) != 0)
-            return path.substr(0, at) + std::string(placeholder) + path.substr(end);
+            return path.substr(0, at) + std::string(marker) + path.substr(end);
     }
     return "";
 }

@@ -371,7 +371,7 @@ PilotGroom GroomInstance::pilot_groom() const {
 
 JigglePilot GroomInstance::pilot(double) const { return jiggle_pilot(pilot_groom()); }
 
-void GroomInstance::choose_cvs(double) {
+void GroomInstance::choose_cvs() {
     if (automatic.cvs) {
         const Choice choice = cvs_for(pilot_groom());
         groom.cvs = int(choice.value);

@@ -47,16 +47,18 @@ bool StrandInstance::moves_in_window() {
     return sample_past_transforms(frame, *wind.jiggle, window.window, mesh_instances) || window.moves();
 }
 
-// Chooses them from the description and this frame only. If a renderer begins a frame again with other motion
-// samples between the same ends, the earlier choice is kept. Warns if the tolerance cannot be reached.
+// Chooses the automatic settings from the description and this frame only. If a renderer begins a frame again
+// with other motion samples between the same ends, the earlier choice is kept. Warns if the tolerance cannot
+// be reached.
 void StrandInstance::choose_settings() {
     const double length = longest(), tolerance = frame.tolerance > 0.0 ? frame.tolerance : 1e-3 * length;
     const ChosenFor now{frame.frame, frame.times[0], frame.times[frame.time_count - 1], tolerance,
                         frame.stage};
     if (chosen_for != now) {
+        chosen_for.reset(); // if choosing is cancelled, nothing is chosen
         inexact.clear();
         wind.noise.left_out = negligible_octaves(wind, length, tolerance);
-        choose_cvs(tolerance);
+        choose_cvs();
         if (automatic.rays) {
             bool enough = true;
             const bool many_reference_segments = wind.reference_segments > 2 * fewest_cvs();

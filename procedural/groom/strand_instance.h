@@ -27,7 +27,7 @@ struct StrandInstance : Instance {
     Automatic automatic;
     uint64_t values_digest = 0; // of all values
     std::optional<ChosenFor> chosen_for;
-    std::vector<std::string> inexact; // warnings where no setting reaches the tolerance
+    std::vector<std::string> inexact; // settings, with their values, that do not reach the tolerance
 
     MarramFrame frame{};
     std::vector<MarramMesh> meshes;           // the frame's
@@ -38,7 +38,7 @@ struct StrandInstance : Instance {
     ColliderTrees trees;
     PastSkin past; // its window is used even without a skin
     GustStart gust_start;
-    bool gusts_checked = false;      // whether any touches a strand
+    bool gusts_checked = false;      // for gusts that touch nothing
     Eigen::AlignedBox3d gust_bounds; // of the strands in the last frame begun, if there are gusts
     double choosing_seconds = 0.0, prepare_seconds = 0.0; // wall time within begin
     std::optional<double> announced;                      // the frame for which long work was announced
@@ -68,18 +68,19 @@ struct StrandInstance : Instance {
     virtual const std::string& place() const = 0; // of messages that concern all strands
     virtual const std::string& skin_name() const = 0;
 
-    // ---- Hooks: a frame, in the order of their calls
+    // ---- Hooks: a frame
     // Finds mesh and mesh_instances, and places or binds the strands if they are not yet or no longer.
     virtual void lay_out() = 0;
-    virtual Eigen::AlignedBox3d bounds_without_meshes() const { return {}; } // in the bind pose
+    virtual Eigen::AlignedBox3d bounds_without_meshes() const { return {}; } // of strands, if no mesh is lent
     virtual double longest() const = 0; // upper bound of strands on any instance, m
-    virtual void choose_cvs(double tolerance) { (void)tolerance; } // in mesh_instances, automatic.cvs or not
-    virtual int fewest_cvs() const = 0;                            // of a strand
-    virtual JigglePilot pilot(double tolerance) const = 0;         // for the step of jiggle
-    virtual bool moves() const = 0;                                // rest strands, within the shutter
-    virtual bool curves_move() const { return false; }             // by themselves, at any time
-    virtual double travel_of_curves() const { return 0.0; }        // if they do, roughly, m
-    virtual LongWork work() const = 0;
+    virtual void choose_cvs() {} // by the frame's tolerance, if automatic.cvs; and what depends on the count
+    virtual int fewest_cvs() const = 0; // of a strand
+    // Strands that are evaluated to choose the step of jiggle.
+    virtual JigglePilot pilot(double tolerance) const = 0;
+    virtual bool moves() const = 0;                         // rest strands, within the shutter
+    virtual bool curves_move() const { return false; }      // imported strands, in their file, at any time
+    virtual double travel_of_curves() const { return 0.0; } // of those in the last 256 frames, roughly, m
+    virtual LongWork work() const = 0;                      // CVs of the frame, and the remedy if there are many
     virtual ChainFrame make_chain() = 0;
     virtual Eigen::AlignedBox3d bounds() const = 0; // of all strands, for gusts
     virtual void finish_frame() {}                  // warnings, and what else the frame needs
@@ -87,9 +88,9 @@ struct StrandInstance : Instance {
 
     // ---- Hooks: statistics
     struct Bytes {
-        size_t shared = 0;          // kept once for all instances, without the past
-        size_t own = 0;             // besides
-        size_t peak_of_placing = 0; // in which the rest is not yet allocated
+        size_t shared = 0;          // kept once for all instances, except StrandInstance::past
+        size_t own = 0;             // for the instances of a mesh, except what StrandInstance holds
+        size_t peak_of_placing = 0; // of placing roots, before anything else is allocated
     };
     virtual Bytes bytes() const = 0;
     virtual void report_own(const ReportSink& sink) const = 0;

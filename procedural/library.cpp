@@ -3,10 +3,10 @@
 //
 // To add a procedural: write a class with the members that entry_points.h asks for, in a folder of its own,
 // and add it to the list below.
-#include "procedural/entry_points.h"
+#include "procedural/abi/entry_points.h"
 #include "procedural/erosion/rock_instance.h"
-#include "procedural/groom/groom_instance.h"
-#include "procedural/groom/imported_instance.h"
+#include "procedural/strands/groom_instance.h"
+#include "procedural/strands/imported_instance.h"
 #include "procedural/terrain/terrain_instance.h"
 #include "procedural/wind/wind.h"
 
@@ -23,7 +23,7 @@ struct ProceduralList {
     static std::vector<MarramReportEntry> report_entries() {
         std::vector<MarramReportEntry> list;
         const auto add = [&](std::span<const MarramReportEntry> entries) {
-            list.insert(list.end(), entries.begin(), entries.end());
+            for (const MarramReportEntry& entry : entries) list.push_back(entry);
         };
         (add(Procedurals::report_entries()), ...);
         return list;

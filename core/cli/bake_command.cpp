@@ -4,13 +4,13 @@
 #include "core/cli/memory.h"
 #include "core/cli/output.h"
 #include "core/cli/progress.h"
-#include "core/geometry/curve_export.h"
 #include "core/image/atomic_file.h"
 #include "core/image/run_files.h"
 #include "core/math/clock.h"
 #include "core/math/frame_name.h"
 #include "core/shot/height_sequence.h"
 #include "core/shot/stats.h"
+#include "core/write/curve_export.h"
 
 #include <fmt/format.h>
 #include <tbb/global_control.h>

@@ -7,6 +7,12 @@
 
 namespace marram {
 
+// Reserves the 16 bytes that Embree may read past the end of a shared buffer.
+template <typename Element>
+void reserve_spare_bytes(std::vector<Element>& buffer) {
+    buffer.reserve(buffer.size() + (16 + sizeof(Element) - 1) / sizeof(Element));
+}
+
 // Embree reads up to 16 bytes past the end of a shared buffer: two spare elements of 8 bytes or more.
 template <typename T>
 std::vector<T> embree_buffer(size_t size) {

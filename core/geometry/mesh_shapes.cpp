@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The built-in meshes. Every triangle is anticlockwise seen from outside.
+#include "core/geometry/embree_buffer.h"
 #include "core/geometry/mesh.h"
-#include "core/geometry/mesh_reader.h"
 #include "core/math/problem.h"
 
 #include <fmt/format.h>

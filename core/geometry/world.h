@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The world of one frame as Embree sees it: two scenes that share the collider geometries. Plain data, built
-// by core/geometry/build.h and read by the path tracer.
+// by core/world/build.h and read by the path tracer.
 #pragma once
 
 #include "core/geometry/attribute_values.h"
@@ -36,7 +36,7 @@ struct MeshGeometry {
     uint32_t roles = MARRAM_ALL_ROLES;
     bool shadow_catcher = false; // the camera sees only the shadows on it
     uint64_t topology = 0;       // digest of its triangles
-    uint64_t digest = 0;   // same geometry ID and digest in two frames: the same mesh; 0: unknown
+    uint64_t digest = 0;         // same geometry ID and digest in two frames: the same mesh; 0: unknown
 };
 
 // The curves of one procedural. Their geometry ID is World::meshes.size() + their index in World::curves.

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/manual/scene_reference.h"
 
-#include "core/geometry/plugin_library.h"
+#include "core/host/plugin_library.h"
 #include "core/render/film.h"
 #include "core/scene/param_types.h"
 #include "core/shot/picture_file.h"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Wind ripples. The same ripple field displaces the mesh near the camera (procedural/terrain/ripples.cpp) and
+// Wind ripples. The same ripple field displaces the mesh near the camera (procedural/terrain/sand/ripples.cpp) and
 // shades it far away (shaders/sand.cpp), so that the transition does not show.
 //
 // Direction. On level sand the crests are normal to the wind. On a slope the creeping grains, which build the

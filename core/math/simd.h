@@ -2,13 +2,13 @@
 // Eight strands side by side. The types are GCC's vectors of 32 bytes, one AVX2 register each. GCC 12 compiles comparisons and
 // selections of wider vectors lane by lane where there is no AVX-512, which is three times slower.
 // One source serves SSE2 and AVX2. Nothing is contracted or reassociated (-ffp-contract=off), so both give the same bits
-// (Simd.instruction_sets_agree). A variant for AVX-512 was measured: 0 to 5 % faster on a Zen 4, for an eighth more build time.
+// (Simd.InstructionSetsAgree). A variant for AVX-512 was measured: 0 to 5 % faster on a Zen 4, for an eighth more build time.
 //
 // A hot function is marked MARRAM_HOT: it is compiled once for each instruction set and the loader picks one
 // at start-up. Everything it calls must be MARRAM_INLINE, or it would run in its baseline version.
 //
 // The elementary functions below are polynomials valid on the stated domain only; their errors are bounded by
-// tests/unit/procedural/simd_test.cpp over 10^5 to 10^6 points each.
+// tests/unit/math/simd_test.cpp over 10^5 to 10^6 points each.
 #pragma once
 
 #include <tbb/cache_aligned_allocator.h>

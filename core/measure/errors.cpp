@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/measure/errors.h"
 
-#include "core/geometry/curve_compare.h"
-#include "core/geometry/hit.h"
-#include "core/geometry/mesh_compare.h"
 #include "core/shot/settings.h"
+#include "core/trace/hit.h"
+#include "core/world/curve_compare.h"
+#include "core/world/mesh_compare.h"
 
 #include <algorithm>
 #include <cmath>

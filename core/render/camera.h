@@ -3,7 +3,7 @@
 // all rays of a film position meet in one point of the focal plane. It looks along its own -z, with y up.
 #pragma once
 
-#include "core/geometry/hit.h"
+#include "core/trace/hit.h"
 
 #include <cassert>
 #include <vector>

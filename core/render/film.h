@@ -16,8 +16,8 @@
 //                        A discrete attribute (an id) has the value of the first such sample
 #pragma once
 
-#include "core/geometry/hit.h"
 #include "core/math/problem.h"
+#include "core/trace/hit.h"
 
 #include <span>
 #include <string>

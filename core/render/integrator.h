@@ -7,7 +7,7 @@
 #include "core/render/camera.h"
 #include "core/render/film.h"
 #include "core/render/filter.h"
-#include "core/render/lights.h"
+#include "core/render/lights/lights.h"
 #include "shaders/shader.h"
 
 #include <atomic>

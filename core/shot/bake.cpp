@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/shot/bake.h"
+#include "core/read/level_set_file.h"
 
-#include "core/geometry/curve_export.h"
-#include "core/geometry/grid_export.h"
 #include "core/math/problem.h"
 #include "core/shot/settings.h"
+#include "core/write/curve_export.h"
+#include "core/write/grid_export.h"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>

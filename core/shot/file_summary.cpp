@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/shot/file_summary.h"
 
-#include "core/geometry/mesh.h"
-#include "core/geometry/strand_file.h"
 #include "core/image/image.h"
+#include "core/read/mesh_file.h"
+#include "core/read/strand_file.h"
 
 #include <fmt/format.h>
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/shot/height_sequence.h"
 
-#include "core/geometry/grid_export.h"
+#include "core/write/grid_export.h"
 
 #include <algorithm>
 #include <utility>

@@ -2,7 +2,7 @@
 // Images of environment lights.
 #pragma once
 
-#include "core/render/light_type.h"
+#include "core/render/lights/light_type.h"
 
 #include <string>
 #include <vector>

@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/shot/scene_meshes.h"
+#include "core/read/mesh_file.h"
 
-#include "core/geometry/build.h"
 #include "core/geometry/mesh_sides.h"
-#include "core/geometry/polylines.h"
-#include "core/geometry/strand_file.h"
 #include "core/image/data_image.h"
 #include "core/math/frame_name.h"
+#include "core/read/polylines.h"
+#include "core/read/strand_file.h"
+#include "core/world/build.h"
 
 #include <fmt/format.h>
 #include <tbb/blocked_range.h>

@@ -2,9 +2,9 @@
 // Settings of the build and the integrator, from a scene's film, camera and globals.
 #pragma once
 
-#include "core/geometry/build.h"
 #include "core/render/integrator.h"
 #include "core/shot/shot.h"
+#include "core/world/build.h"
 
 #include <string>
 #include <utility>

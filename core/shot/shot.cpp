@@ -5,7 +5,7 @@
 #include "core/shot/scene_meshes.h"
 #include "core/shot/texture.h"
 
-#include "core/geometry/geometry_graph.h"
+#include "core/host/geometry_graph.h"
 #include "core/math/udim.h"
 #include "core/scene/libraries.h"
 

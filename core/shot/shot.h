@@ -2,9 +2,9 @@
 // Turns a checked scene description into the objects that the renderer works with.
 #pragma once
 
-#include "core/geometry/build.h"
-#include "core/render/lights.h"
+#include "core/render/lights/lights.h"
 #include "core/scene/description.h"
+#include "core/world/build.h"
 #include "shaders/shader.h"
 
 #include <map>
@@ -41,7 +41,7 @@ struct Shot {
     std::vector<LightDescription> lights;
     std::vector<std::string> warnings;       // one line each
     std::vector<std::string> light_warnings; // the same of lights: only pictures depend on them
-    std::string state_folder;          // where simulations keep their states
+    std::string state_folder;                // where simulations keep their states
 };
 
 // Options of the command line that override the scene.
@@ -49,7 +49,7 @@ struct Overrides {
     std::vector<std::string> settings; // key=value
     std::optional<uint32_t> samples;
     std::optional<std::pair<uint32_t, uint32_t>> size;
-    std::string state_folder; // "": beside the scene, SCENE.states
+    std::string state_folder;                   // "": beside the scene, SCENE.states
     std::vector<std::string> allowed_libraries; // PluginSet::allowed
 };
 

@@ -2,9 +2,9 @@
 // Statistics of a frame, as JSON for other programs.
 #pragma once
 
-#include "core/geometry/build.h"
 #include "core/math/problem.h"
 #include "core/render/integrator.h"
+#include "core/world/build.h"
 
 #include <optional>
 #include <string>

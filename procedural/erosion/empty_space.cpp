@@ -16,7 +16,7 @@
 // edge.
 #include "procedural/erosion/empty_space.h"
 
-#include "procedural/parallel.h"
+#include "procedural/abi/parallel.h"
 
 #include <algorithm>
 #include <cmath>

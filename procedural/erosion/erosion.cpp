@@ -50,7 +50,7 @@
 
 #include "core/math/clock.h"
 #include "core/math/hash.h"
-#include "procedural/parallel.h"
+#include "procedural/abi/parallel.h"
 
 #include <fmt/format.h>
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Ray origins are offset from a surface by the error bound of the hit point: 2 U (c + l q), with U = 2^-23, c the largest
-// coordinate, l the triangle's longest edge, q = |e1| |e2| / |e1 x e2|, as derived in core/geometry/hit.cpp. q is that of the
+// coordinate, l the triangle's longest edge, q = |e1| |e2| / |e1 x e2|, as derived in core/trace/hit.cpp. q is that of the
 // corner at which Embree begins, which differs between triangles and quads: here that of the two longest edges, the largest.
 // What does not wear has no corners here. Its triangle has twice the area A = |Ng|, so the bound is estimated by
 // 2 U (2 (c + d) + 4 sqrt(A)), d being the length of the ray.

@@ -80,8 +80,8 @@
 
 #include "core/math/clock.h"
 #include "core/math/hash.h"
+#include "procedural/abi/parallel.h"
 #include "procedural/erosion/grain_hits.h"
-#include "procedural/parallel.h"
 
 #include <algorithm>
 #include <atomic>

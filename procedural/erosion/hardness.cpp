@@ -24,8 +24,8 @@
 #include "procedural/erosion/hardness.h"
 
 #include "core/math/hash.h"
-#include "procedural/parallel.h"
-#include "procedural/wind/noise.h"
+#include "procedural/abi/parallel.h"
+#include "procedural/noise/noise.h"
 
 #include <algorithm>
 #include <array>

@@ -3,7 +3,7 @@
 #include "procedural/erosion/level_mesh.h"
 
 #include "core/math/vec.h"
-#include "procedural/parallel.h"
+#include "procedural/abi/parallel.h"
 
 #include <algorithm>
 #include <array>

@@ -36,7 +36,7 @@
 #include "procedural/erosion/level_set.h"
 
 #include "core/math/simd.h"
-#include "procedural/parallel.h"
+#include "procedural/abi/parallel.h"
 
 #include <openvdb/Grid.h>
 #include <openvdb/openvdb.h>

@@ -60,7 +60,7 @@
 //
 // Cost: about a million rays per second and core; a grain takes 2 to 10, more in cavities. The noise at a
 // vertex falls with the square root of the number of grains that hit its triangles.
-#include "procedural/border.h"
+#include "procedural/abi/border.h"
 #include "procedural/erosion/rock_instance.h"
 #include "procedural/erosion/rock_values.h"
 

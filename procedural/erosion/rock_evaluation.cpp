@@ -2,7 +2,7 @@
 // Computes the output of a rock: the eroded shape, and wear, rate and hardness at its vertices. The head of
 // rock.cpp documents them.
 #include "core/math/clock.h"
-#include "procedural/border.h"
+#include "procedural/abi/border.h"
 #include "procedural/erosion/rock_instance.h"
 #include "procedural/erosion/rock_values.h"
 

@@ -3,10 +3,10 @@
 #pragma once
 
 #include "core/plugin/marram_plugin.h"
-#include "procedural/border.h"
+#include "procedural/abi/border.h"
+#include "procedural/abi/stored_values.h"
+#include "procedural/abi/values.h"
 #include "procedural/erosion/erosion.h"
-#include "procedural/terrain/stored_values.h"
-#include "procedural/values.h"
 
 #include <array>
 #include <cstdint>

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Images by uv of a rock's wear. The head of rock.cpp documents them.
 #include "core/math/vec.h"
-#include "procedural/border.h"
+#include "procedural/abi/border.h"
 #include "procedural/erosion/rock_instance.h"
 
 #include <fmt/format.h>

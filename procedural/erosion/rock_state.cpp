@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The state of an eroded rock: its mesh, its attributes, and what it reports.
+#include "procedural/abi/state_bytes.h"
 #include "procedural/erosion/rock_instance.h"
-#include "procedural/state_bytes.h"
 
 #include <utility>
 

@@ -3,8 +3,8 @@
 #pragma once
 
 #include "core/plugin/marram_plugin.h"
+#include "procedural/abi/values.h"
 #include "procedural/erosion/erosion.h"
-#include "procedural/values.h"
 
 #include <string_view>
 #include <vector>

@@ -2,7 +2,7 @@
 // flat, noise, image: base layers. They start a terrain, or add to all of it.
 //
 // flat    a constant height or thickness.
-// noise   a sum of octaves (wind/noise.h). `amplitude` is three standard deviations: about three samples in a
+// noise   a sum of octaves (noise/noise.h). `amplitude` is three standard deviations: about three samples in a
 //         thousand of perlin noise exceed it.
 // image   heights from a file. A pixel value v maps to range[0] + v (range[1] - range[0]). The first row is
 //         at the smallest z, the first column at the smallest x; pixel centres are half a pixel inside.
@@ -26,8 +26,8 @@
 
 #include "core/math/hash.h"
 #include "core/math/known_part.h"
+#include "procedural/noise/noise.h"
 #include "procedural/terrain/shape_layer.h"
-#include "procedural/wind/noise.h"
 
 #include <fmt/format.h>
 

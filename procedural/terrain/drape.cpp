@@ -37,7 +37,7 @@
 #include "procedural/terrain/drape.h"
 
 #include "core/math/simd.h"
-#include "procedural/parallel.h"
+#include "procedural/abi/parallel.h"
 
 #include <algorithm>
 #include <atomic>

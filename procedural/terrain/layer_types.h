@@ -3,9 +3,9 @@
 // layer.
 #pragma once
 
+#include "procedural/abi/values.h"
 #include "procedural/terrain/layer.h"
 #include "procedural/terrain/simulation.h"
-#include "procedural/values.h"
 
 #include <span>
 #include <string>

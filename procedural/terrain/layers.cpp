@@ -1,16 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 // The table of layer types. To add one, write its file and add a line here.
 #include "procedural/terrain/base_layers.h"
-#include "procedural/terrain/dune_layer.h"
-#include "procedural/terrain/dune_solver_layer.h"
-#include "procedural/terrain/fusion.h"
-#include "procedural/terrain/lattice.h"
+#include "procedural/terrain/dune/dune_layer.h"
 #include "procedural/terrain/layer_types.h"
 #include "procedural/terrain/mask_layer.h"
-#include "procedural/terrain/mass_desert.h"
-#include "procedural/terrain/ripples.h"
-#include "procedural/terrain/ruin.h"
-#include "procedural/terrain/stones.h"
+#include "procedural/terrain/mass/mass_desert.h"
+#include "procedural/terrain/mesh/fusion.h"
+#include "procedural/terrain/mesh/lattice.h"
+#include "procedural/terrain/ruin/ruin.h"
+#include "procedural/terrain/sand/ripples.h"
+#include "procedural/terrain/sand/stones.h"
+#include "procedural/terrain/solver/dune_solver_layer.h"
 
 #include <array>
 

@@ -21,9 +21,9 @@
 #include "procedural/terrain/mask_layer.h"
 
 #include "core/math/hash.h"
+#include "procedural/noise/noise.h"
 #include "procedural/terrain/shape_layer.h"
 #include "procedural/terrain/stretched_image.h"
-#include "procedural/wind/noise.h"
 
 #include <algorithm>
 #include <array>

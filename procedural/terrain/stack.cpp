@@ -3,7 +3,7 @@
 
 #include "core/math/clock.h"
 #include "core/math/digest.h"
-#include "procedural/parallel.h"
+#include "procedural/abi/parallel.h"
 
 #include <atomic>
 #include <new>

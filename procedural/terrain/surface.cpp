@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "procedural/terrain/surface.h"
 
-#include "procedural/border.h"
-#include "procedural/parallel.h"
+#include "procedural/abi/border.h"
+#include "procedural/abi/parallel.h"
 
 #include <array>
 

@@ -2,7 +2,7 @@
 // Output of a finished terrain at its samples: vertices, normals, attributes.
 #pragma once
 
-#include "procedural/terrain/ripples.h"
+#include "procedural/terrain/sand/ripples.h"
 #include "procedural/terrain/terrain_instance.h"
 
 namespace marram {

@@ -34,8 +34,8 @@
 // Cost: one layer takes about 10 ms of one core for 2 * 10^6 samples. Memory: 8 bytes a sample for each layer
 // that moves sand.
 #include "core/math/clock.h"
-#include "procedural/border.h"
-#include "procedural/parallel.h"
+#include "procedural/abi/border.h"
+#include "procedural/abi/parallel.h"
 #include "procedural/terrain/surface.h"
 #include "procedural/terrain/terrain_instance.h"
 #include "procedural/wind/wind.h"

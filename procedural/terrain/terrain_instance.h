@@ -2,12 +2,12 @@
 // One terrain between create and destroy.
 #pragma once
 
-#include "procedural/border.h"
-#include "procedural/terrain/dicing.h"
+#include "procedural/abi/border.h"
+#include "procedural/abi/stored_values.h"
 #include "procedural/terrain/layer_types.h"
+#include "procedural/terrain/mesh/dicing.h"
 #include "procedural/terrain/simulation.h"
 #include "procedural/terrain/stack.h"
-#include "procedural/terrain/stored_values.h"
 
 #include <memory>
 #include <string>

@@ -2,7 +2,7 @@
 // Builds the stack of layers from scene values.
 #include "procedural/terrain/terrain_instance.h"
 
-#include "procedural/border.h"
+#include "procedural/abi/border.h"
 
 #include <fmt/format.h>
 

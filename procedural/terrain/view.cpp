@@ -2,8 +2,8 @@
 // The view-dependent render mesh of a terrain.
 #include "procedural/terrain/surface.h"
 
-#include "procedural/border.h"
-#include "procedural/parallel.h"
+#include "procedural/abi/border.h"
+#include "procedural/abi/parallel.h"
 
 #include <fmt/format.h>
 

@@ -18,7 +18,7 @@
 // Cost: samples times segments. Segments, but the last of a curve, are two cells long or more.
 #include "procedural/terrain/wind_field.h"
 
-#include "procedural/parallel.h"
+#include "procedural/abi/parallel.h"
 #include "procedural/terrain/stretched_image.h"
 
 #include <fmt/format.h>

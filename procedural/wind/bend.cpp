@@ -27,7 +27,7 @@
 // component along. Each of these axes is perpendicular to a.
 #include "procedural/wind/bend.h"
 
-#include "procedural/ramp_table.h"
+#include "procedural/abi/ramp_table.h"
 
 #include <cmath>
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "procedural/wind/chain.h"
 
-#include "procedural/ramp_table.h"
+#include "procedural/abi/ramp_table.h"
 #include "procedural/wind/bend.h"
 
 #include <algorithm>

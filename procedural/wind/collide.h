@@ -3,7 +3,7 @@
 // on their way from the rest pose to the bent pose.
 #pragma once
 
-#include "procedural/values.h"
+#include "procedural/abi/values.h"
 #include "procedural/wind/strands.h"
 #include "procedural/wind/turn.h"
 

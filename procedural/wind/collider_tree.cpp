@@ -4,8 +4,8 @@
 // coordinate, and the query is expanded by that much.
 #include "procedural/wind/collider_tree.h"
 
-#include "procedural/parallel.h"
-#include "procedural/values.h"
+#include "procedural/abi/parallel.h"
+#include "procedural/abi/values.h"
 
 #include <algorithm>
 #include <bit>

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "procedural/wind/colliders.h"
 
-#include "procedural/parallel.h"
+#include "procedural/abi/parallel.h"
 
 #define XXH_INLINE_ALL
 #include <xxhash.h>
@@ -96,38 +96,6 @@ size_t ColliderTrees::bytes() const {
         if (tree) last = tree.get();
     }
     return sum;
-}
-
-namespace {
-
-Vec3d nearest_on_edge(const Vec3d& a, const Vec3d& b, const Vec3d& q) {
-    const Vec3d e = b - a;
-    const double ee = e.squaredNorm();
-    return ee > 0.0 ? Vec3d(a + e * std::clamp((q - a).dot(e) / ee, 0.0, 1.0)) : a;
-}
-
-} // namespace
-
-Vec3d nearest_point(const std::array<Vec3d, 3>& p, const Vec3d& q) {
-    const Vec3d ab = p[1] - p[0], ac = p[2] - p[0], n = ab.cross(ac);
-    const double nn = n.squaredNorm();
-    const double longest = std::max({ab.squaredNorm(), ac.squaredNorm(), (p[2] - p[1]).squaredNorm()});
-    constexpr double rounding = 1e-14;
-    if (nn > rounding * rounding * longest * longest) {
-        const Vec3d aq = q - p[0];
-        const double v = aq.cross(ac).dot(n), w = ab.cross(aq).dot(n); // barycentric coordinates times nn
-        if (v >= 0.0 && w >= 0.0 && v + w <= nn) return q - n * (aq.dot(n) / nn);
-    }
-    Vec3d best = p[0];
-    double least = std::numeric_limits<double>::infinity();
-    for (size_t i = 0; i < 3; ++i) {
-        const Vec3d c = nearest_on_edge(p[i], p[(i + 1) % 3], q);
-        const double d = (c - q).squaredNorm();
-        if (d >= least) continue;
-        least = d;
-        best = c;
-    }
-    return best;
 }
 
 } // namespace marram

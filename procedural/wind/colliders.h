@@ -71,8 +71,4 @@ class ColliderTrees {
     std::vector<std::shared_ptr<const ColliderTree>> trees_; // [colliders], or one if no mesh moves
 };
 
-// The closest point to q on triangle p: C. Ericson, "Real-Time Collision Detection", 5.1.5, by Voronoi
-// regions. A triangle without area counts as its edges.
-Vec3d nearest_point(const std::array<Vec3d, 3>& p, const Vec3d& q);
-
 } // namespace marram

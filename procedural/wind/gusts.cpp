@@ -13,7 +13,7 @@
 #include "procedural/wind/gusts.h"
 
 #include "core/math/hash.h"
-#include "procedural/ramp_table.h"
+#include "procedural/abi/ramp_table.h"
 
 #include <algorithm>
 #include <array>

@@ -53,7 +53,7 @@
 // moves with the gust.
 //
 // ERROR. Everything is computed and summed in double from the CVs' floats; strands.gust is rounded once.
-// Against the formulas above: < 1e-6 (tests/unit/procedural/gusts_test.cpp).
+// Against the formulas above: < 1e-6 (tests/unit/wind/gusts_test.cpp).
 //
 // COST. gusts_at() takes about 0.3 us a gust and repetition, once for each time, not for each patch. Its
 // result is a tree of boxes with eight children a node. For a patch a few nodes are tested (under 1 us with
@@ -66,7 +66,7 @@
 #include "core/math/ramp.h"
 #include "core/math/transform.h"
 #include "core/math/vec.h"
-#include "procedural/values.h"
+#include "procedural/abi/values.h"
 #include "procedural/wind/colliders.h"
 #include "procedural/wind/strands.h"
 

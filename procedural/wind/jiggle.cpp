@@ -48,7 +48,7 @@
 // Step. A sinusoid of frequency f, linear between samples h apart, keeps the fraction (sin(pi f h) / (pi f
 // h))^2 of its amplitude: the loss grows with the square of the step. Half a frame at 24 fps loses 1 % at 2.6
 // Hz, whole frames lose it at 1.3 Hz. A groom tests a few of its strands to find the step that its tolerance
-// allows (procedural/groom/pilot.h).
+// allows (procedural/strands/pilot.h).
 #include "procedural/wind/jiggle.h"
 
 #include <algorithm>

@@ -15,7 +15,7 @@
 
 #include "core/math/ramp.h"
 #include "core/plugin/marram_plugin.h"
-#include "procedural/values.h"
+#include "procedural/abi/values.h"
 #include "procedural/wind/strands.h"
 
 #include <cstdint>

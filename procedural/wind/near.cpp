@@ -4,6 +4,7 @@
 // projection.
 #include "procedural/wind/near.h"
 
+#include "core/math/nearest_point.h"
 #include "procedural/wind/shortest.h"
 
 #include <algorithm>

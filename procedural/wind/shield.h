@@ -2,7 +2,7 @@
 // Wind shielding: strands behind a collider get less wind. See shield.cpp for the exact definition.
 #pragma once
 
-#include "procedural/values.h"
+#include "procedural/abi/values.h"
 #include "procedural/wind/colliders.h"
 #include "procedural/wind/strands.h"
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "procedural/wind/skin.h"
 
+#include "core/math/nearest_point.h"
 #include "procedural/wind/near.h"
 
 #include <algorithm>

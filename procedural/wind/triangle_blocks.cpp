@@ -4,7 +4,7 @@
 #include "procedural/wind/triangle_blocks.h"
 
 #include "core/math/simd.h"
-#include "procedural/parallel.h"
+#include "procedural/abi/parallel.h"
 
 #include <algorithm>
 #include <array>

@@ -6,7 +6,8 @@
 // result is a minimum over triangles, so it does not depend on how the sector was divided.
 #include "procedural/wind/turn.h"
 
-#include "procedural/values.h"
+#include "core/math/nearest_point.h"
+#include "procedural/abi/values.h"
 #include "procedural/wind/near.h"
 
 #include <algorithm>

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "procedural/wind/wind.h"
 
-#include "procedural/wind/wavelet_noise.h"
+#include "procedural/noise/wavelet_noise.h"
 
 #include <algorithm>
 #include <array>
@@ -27,9 +27,10 @@ constexpr std::array own_params = {
     MarramParam{"waviness", MARRAM_NUMBER, "", "1", -1e6, 1e6, "",
                 "advance of the noise sample point along the wind per length of strand; larger: more ripples "
                 "on a strand"},
-    MarramParam{"reference_segments", MARRAM_INTEGER, "", "0", 0, 100000, "",
-                "number of segments for which the turn is defined, so that the pose does not depend on cvs: it "
-                "converges with their square; 0: those of the strand, as in the talk (7 if cvs = 0)"},
+    MarramParam{
+        "reference_segments", MARRAM_INTEGER, "", "0", 0, 100000, "",
+        "number of segments for which the turn is defined, so that the pose does not depend on cvs: it "
+        "converges with their square; 0: those of the strand, as in the talk (7 if cvs = 0)"},
     MarramParam{"noise.type", MARRAM_CHOICE, "", "perlin", -largest_wind_input, largest_wind_input,
                 "perlin|billow|wavelet", "kind of noise field"},
     MarramParam{"noise.amplitude", MARRAM_NUMBER, "", "0.5", 0, 1e6, "",

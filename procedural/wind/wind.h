@@ -5,11 +5,11 @@
 #include "core/math/ramp.h"
 #include "core/math/vec.h"
 #include "core/plugin/marram_plugin.h"
-#include "procedural/values.h"
+#include "procedural/abi/values.h"
+#include "procedural/noise/noise.h"
 #include "procedural/wind/collide.h"
 #include "procedural/wind/gusts.h"
 #include "procedural/wind/jiggle.h"
-#include "procedural/wind/noise.h"
 #include "procedural/wind/shield.h"
 
 #include <optional>

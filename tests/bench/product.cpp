@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tests/bench/product.h"
 
-#include "core/geometry/curve_export.h"
 #include "core/plugin/embree.h"
 #include "core/shot/scene_camera.h"
 #include "core/shot/settings.h"
+#include "core/write/curve_export.h"
 #include "tests/bench/workload.h"
 
 #include <fmt/format.h>

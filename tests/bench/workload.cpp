@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tests/bench/workload.h"
 
+#include "core/math/nearest_point.h"
 #include "core/plugin/embree.h"
 #include "procedural/wind/shield.h"
 

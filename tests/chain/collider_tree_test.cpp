@@ -5,6 +5,7 @@
 
 #include "core/geometry/mesh.h"
 #include "core/math/hash.h"
+#include "core/math/nearest_point.h"
 #include "procedural/wind/colliders.h"
 #include "procedural/wind/near.h"
 
@@ -118,7 +119,7 @@ Mesh soup(size_t count, double size, const Vec3d& where) { // triangles of all s
 
 } // namespace
 
-TEST(ColliderTree, names_every_triangle_that_is_near) {
+TEST(ColliderTree, NamesEveryTriangleThatIsNear) {
     for (const double size : {1e-25, 1e-4, 1.0, 1e5}) {
         for (const double far : {0.0, 1e3}) {
             Lent lent;
@@ -132,7 +133,7 @@ TEST(ColliderTree, names_every_triangle_that_is_near) {
 }
 
 // Meshes are sorted by place, so an index in the tree is not the one in the frame.
-TEST(ColliderTree, knows_many_meshes_in_any_order) {
+TEST(ColliderTree, KnowsManyMeshesInAnyOrder) {
     Random random;
     Lent lent;
     for (int i = 0; i < 300; ++i)
@@ -144,7 +145,7 @@ TEST(ColliderTree, knows_many_meshes_in_any_order) {
 }
 
 // From the centre all of a sphere is equally far: the search keeps more than a stack of nodes would hold.
-TEST(ColliderTree, finds_the_closest_of_many_that_are_equally_far) {
+TEST(ColliderTree, FindsTheClosestOfManyThatAreEquallyFar) {
     Lent lent;
     lent.meshes = {sphere_mesh(1.0F, 160, 0.0F, 1.0F)};
     lent.finish(1);
@@ -164,7 +165,7 @@ TEST(ColliderTree, finds_the_closest_of_many_that_are_equally_far) {
     }
 }
 
-TEST(ColliderTree, holds_the_smallest_meshes) {
+TEST(ColliderTree, HoldsTheSmallestMeshes) {
     for (size_t count = 1; count < 20; ++count) {
         Lent lent;
         lent.meshes = {soup(count, 1.0, Vec3d::Zero())};
@@ -174,7 +175,7 @@ TEST(ColliderTree, holds_the_smallest_meshes) {
     }
 }
 
-TEST(ColliderTree, follows_meshes_that_move) {
+TEST(ColliderTree, FollowsMeshesThatMove) {
     Lent lent;
     lent.meshes = {sphere_mesh(1.0F, 30, 0.03F, 9.0F), soup(500, 1.0, Vec3d(2, 0, 0))};
     lent.poses = {{lent.meshes[0].positions, lent.meshes[0].positions}};
@@ -185,7 +186,7 @@ TEST(ColliderTree, follows_meshes_that_move) {
     check(lent, second, 1, 1.0, 2000);
 }
 
-TEST(ColliderTree, knows_what_flies_into_reach_after_the_first_sample) {
+TEST(ColliderTree, KnowsWhatFliesIntoReachAfterTheFirstSample) {
     Lent lent;
     lent.meshes = {sphere_mesh(1.0F, 10, 0.0F, 0.0F)};
     lent.poses = {{lent.meshes[0].positions, lent.meshes[0].positions}};
@@ -202,7 +203,7 @@ TEST(ColliderTree, knows_what_flies_into_reach_after_the_first_sample) {
 }
 
 // The contents of a block are built on first access, by any thread.
-TEST(ColliderTree, answers_many_threads_as_it_answers_one) {
+TEST(ColliderTree, AnswersManyThreadsAsItAnswersOne) {
     Lent lent;
     lent.meshes = {sphere_mesh(1.0F, 60, 0.03F, 9.0F), soup(3000, 1.0, Vec3d(1, 0, 0))};
     // Neighbouring triangles far apart in the table: as many runs as triangles.
@@ -245,7 +246,7 @@ TEST(ColliderTree, answers_many_threads_as_it_answers_one) {
     }
 }
 
-TEST(ColliderTree, finds_nothing_at_infinity_and_where_there_is_no_number) {
+TEST(ColliderTree, FindsNothingAtInfinityAndWhereThereIsNoNumber) {
     Lent lent;
     lent.meshes = {soup(5, 1.0, Vec3d::Zero())};
     lent.finish(1);
@@ -265,7 +266,7 @@ TEST(ColliderTree, finds_nothing_at_infinity_and_where_there_is_no_number) {
 }
 
 // The tree is reused in later frames until the geometry or the reach changes.
-TEST(ColliderTree, serves_the_next_frames_until_something_changes) {
+TEST(ColliderTree, ServesTheNextFramesUntilSomethingChanges) {
     Lent lent;
     lent.meshes = {sphere_mesh(1.0F, 10, 0.0F, 0.0F), soup(50, 1.0, Vec3d(2, 0, 0))};
     lent.poses = {{lent.meshes[0].positions}, {lent.meshes[1].positions, lent.meshes[1].positions}};
@@ -305,7 +306,7 @@ TEST(ColliderTree, serves_the_next_frames_until_something_changes) {
 }
 
 // A very large ground must not make the tree coarser around the objects on it.
-TEST(ColliderTree, stays_sharp_beside_a_wide_ground) {
+TEST(ColliderTree, StaysSharpBesideAWideGround) {
     Lent lent;
     lent.meshes = {sphere_mesh(1.0F, 100, 0.0F, 0.0F), plane_mesh(Vec2f(1e5F, 1e5F), 1)};
     for (Vec3f& p : lent.meshes[1].positions) p += Vec3f(4e4F, -2.0F, 4e4F);
@@ -328,7 +329,7 @@ TEST(ColliderTree, stays_sharp_beside_a_wide_ground) {
     EXPECT_LE(named[1], named[0] + 100);
 }
 
-TEST(ColliderTree, leaves_out_what_is_out_of_reach_or_not_finite) {
+TEST(ColliderTree, LeavesOutWhatIsOutOfReachOrNotFinite) {
     Lent lent;
     lent.meshes = {sphere_mesh(1.0F, 30, 0.0F, 0.0F)};
     lent.meshes[0].positions[5].x() = std::numeric_limits<float>::quiet_NaN();
@@ -355,7 +356,7 @@ TEST(ColliderTree, leaves_out_what_is_out_of_reach_or_not_finite) {
     EXPECT_LE(found.size(), 3U);
 }
 
-TEST(ColliderTree, is_empty_where_there_is_nothing) {
+TEST(ColliderTree, IsEmptyWhereThereIsNothing) {
     Lent lent;
     lent.finish(1);
     const ColliderTree tree(lent.frame, everywhere(), 0);
@@ -368,7 +369,7 @@ TEST(ColliderTree, is_empty_where_there_is_nothing) {
 }
 
 // A sector above a skin: the tree rejects nearly all triangles, large or small.
-TEST(ColliderTree, parts_a_strand_from_the_skin_below_it) {
+TEST(ColliderTree, PartsAStrandFromTheSkinBelowIt) {
     for (const int divisions : {40, 200}) {
         Lent lent;
         lent.meshes = {sphere_mesh(1.0F, divisions, 0.0F, 0.0F)};

@@ -79,7 +79,7 @@ void expect_agreement(std::vector<Mesh> meshes, const FurOptions& options, size_
 
 } // namespace
 
-TEST(Contact, agrees_with_the_oracle_on_a_bumpy_sphere) {
+TEST(Contact, AgreesWithTheOracleOnABumpySphere) {
     for (const Vec3d& wind : {Vec3d(1, 0, 0), Vec3d(0, -1, 0.3)}) {
         FurOptions options;
         options.wind = wind;
@@ -87,13 +87,13 @@ TEST(Contact, agrees_with_the_oracle_on_a_bumpy_sphere) {
     }
 }
 
-TEST(Contact, agrees_with_the_oracle_on_a_dense_sphere) {
+TEST(Contact, AgreesWithTheOracleOnADenseSphere) {
     FurOptions options;
     options.count = 1000;
     expect_agreement({sphere_mesh(1.0F, 500, 0.03F, 9.0F)}, options, 4);
 }
 
-TEST(Contact, agrees_with_the_oracle_where_the_clearance_is_tiny_or_wide) {
+TEST(Contact, AgreesWithTheOracleWhereTheClearanceIsTinyOrWide) {
     for (const double clearance : {1e-6, 1e-4, 0.02}) {
         FurOptions options;
         options.count = 400;

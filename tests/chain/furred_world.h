@@ -4,9 +4,9 @@
 #pragma once
 
 #include "core/geometry/mesh.h"
-#include "procedural/groom/groom_settings.h"
-#include "procedural/groom/roots.h"
-#include "procedural/groom/strand_shape.h"
+#include "procedural/strands/groom_settings.h"
+#include "procedural/strands/roots.h"
+#include "procedural/strands/strand_shape.h"
 #include "procedural/wind/chain.h"
 
 #include <memory>

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The guarantees of wind collision: no segment of a strand with a free root crosses a triangle, the curve
 // penetrates by less than the tolerance, and strands get as close to their targets as with the oracle.
+#include "core/read/mesh_file.h"
 #include "tests/chain/furred_collision.h"
 
 #include <gtest/gtest.h>
@@ -230,38 +231,38 @@ std::string shared_mesh(const char* name) {
 
 } // namespace
 
-TEST(Promise, is_kept_on_a_bumpy_sphere) {
+TEST(Promise, IsKeptOnABumpySphere) {
     check_guarantees("sphere 40k", {sphere_mesh(1.0F, 71, 0.03F, 9.0F)}, {.count = 4000}, 4);
 }
 
-TEST(Promise, is_kept_on_a_dense_sphere) {
+TEST(Promise, IsKeptOnADenseSphere) {
     check_guarantees("sphere 2M", {sphere_mesh(1.0F, 500, 0.03F, 9.0F)}, {.count = 1000}, 40);
 }
 
-TEST(Promise, is_kept_on_a_folded_sheet) {
+TEST(Promise, IsKeptOnAFoldedSheet) {
     check_guarantees("folded sheet", {folded_sheet(60)},
                      {.count = 2000, .length = {0.1, 0.2}, .width = 0.002}, 2);
 }
 
-TEST(Promise, is_kept_by_catmull_rom_strands) {
+TEST(Promise, IsKeptByCatmullRomStrands) {
     check_guarantees("catmull-rom", {sphere_mesh(1.0F, 40, 0.1F, 12.0F)},
                      {.count = 2000, .basis = MARRAM_CATMULL_ROM}, 4);
 }
 
-TEST(Promise, is_kept_on_a_creature) {
+TEST(Promise, IsKeptOnACreature) {
     check_guarantees("creature",
                      {load_mesh(std::string(MARRAM_SOURCE_DIR) + "/scenes/meshes/creature.ply", true)},
                      {.count = 4000, .length = {0.05, 0.08}, .width = 0.0015}, 4);
 }
 
-TEST(Promise, is_kept_on_a_cow) {
+TEST(Promise, IsKeptOnACow) {
     const std::string path = shared_mesh("spot.obj");
     if (path.empty()) GTEST_SKIP() << "there is no shared data";
     check_guarantees("spot", {load_mesh(path, true)}, {.count = 4000, .length = {0.08, 0.12}, .width = 0.002},
                      4);
 }
 
-TEST(Promise, is_kept_on_a_car_body) {
+TEST(Promise, IsKeptOnACarBody) {
     const std::string path = shared_mesh("beetle.obj");
     if (path.empty()) GTEST_SKIP() << "there is no shared data";
     check_guarantees("beetle", {load_mesh(path, true)},
@@ -270,7 +271,7 @@ TEST(Promise, is_kept_on_a_car_body) {
 
 // Half a frame of 1/24 s: a body that rotates in wind (45 and 360 degrees/s), one that breathes, and a ball
 // that is pushed into the fur (2 m/s).
-TEST(Promise, is_measured_between_motion_keys) {
+TEST(Promise, IsMeasuredBetweenMotionKeys) {
     constexpr double shutter = 0.5 / 24.0;
     const auto body = [](const std::function<Vec3f(const Vec3f&)>& moved) {
         std::vector<Mesh> meshes = {sphere_mesh(1.0F, 40, 0.03F, 9.0F)};

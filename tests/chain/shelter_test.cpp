@@ -40,7 +40,7 @@ struct Spheres {
 
 } // namespace
 
-TEST(Shelter, that_fades_agrees_with_the_oracle) {
+TEST(Shelter, ThatFadesAgreesWithTheOracle) {
     for (const bool in_heights : {false, true}) {
         size_t strands = 0, cvs = 0, faded = 0, grazing = 0;
         double worst = 0.0;
@@ -68,7 +68,7 @@ TEST(Shelter, that_fades_agrees_with_the_oracle) {
             for (Strands& s : grow(groom, wind, world.surface(0))) {
                 shield(shielding, wind.direction, colliders, heights, s);
                 for (int i = 0; i < s.count; ++i, ++strands)
-                    for (int k = 1; k < s.cvs; ++k, ++cvs) { // roots are on the skin: Stages.shielding_...
+                    for (int k = 1; k < s.cvs; ++k, ++cvs) { // roots are on the skin: Stages.Shielding...
                         const size_t at = size_t(i / lanes) * size_t(s.cvs) + size_t(k);
                         const oracle::Shelter right = oracle::shelter_from(
                             lane_of(s.rest[at], i % lanes), -wind.direction, 3.0, 1e-6, spheres.set, fade);
@@ -92,7 +92,7 @@ TEST(Shelter, that_fades_agrees_with_the_oracle) {
 
 // Compares the chain's lattice of directions with the oracle's integral over the cone: the difference
 // decreases as expected for a cone and has zero mean.
-TEST(Shelter, from_a_cone_of_wind_comes_to_the_oracles_integral) {
+TEST(Shelter, FromAConeOfWindComesToTheOraclesIntegral) {
     constexpr std::array rays = {16, 64, 256, 1024};
     const Spheres spheres;
     const FurredWorld world(spheres.meshes);
@@ -260,7 +260,7 @@ void turn_about_y(Mesh& mesh, double angle) {
 // nothing moves, holding the shelter is exact. Otherwise the strands that the edge of the shelter has passed
 // within their memory, about 1 / (damping omega) = 0.18 s, have errors. Their number grows with the speed;
 // the largest error is the full effect of shelter.
-TEST(Shelter, held_for_jiggle_is_off_where_its_edge_has_just_passed) {
+TEST(Shelter, HeldForJiggleIsOffWhereItsEdgeHasJustPassed) {
     struct Row {
         const char* what;
         double speed, spread,

@@ -12,7 +12,7 @@
 
 namespace marram {
 
-TEST(Skin, pushes_targets_where_the_oracle_does) {
+TEST(Skin, PushesTargetsWhereTheOracleDoes) {
     std::vector<Mesh> meshes = {sphere_mesh(1.0F, 30, 0.05F, 7.0F)};
     const oracle::TriangleSet set = triangle_set(meshes);
     const FurredWorld world(std::move(meshes));
@@ -43,7 +43,7 @@ TEST(Skin, pushes_targets_where_the_oracle_does) {
 
 // Faces perpendicular to the facing direction: rounding decides whether they face it, but rejected faces must
 // not hide those behind.
-TEST(Skin, finds_a_foot_where_faces_stand_across_the_direction_asked_for) {
+TEST(Skin, FindsAFootWhereFacesStandAcrossTheDirectionAskedFor) {
     Mesh prism; // a square on its corner
     for (const float z : {-1.0F, 1.0F})
         for (const Vec2f& at : {Vec2f(1, 0), Vec2f(0, 1), Vec2f(-1, 0), Vec2f(0, -1)})
@@ -74,7 +74,7 @@ TEST(Skin, finds_a_foot_where_faces_stand_across_the_direction_asked_for) {
     EXPECT_LT(worst, 1e-12);
 }
 
-TEST(Skin, pushed_targets_stand_high_enough_and_follow_without_jumps) {
+TEST(Skin, PushedTargetsStandHighEnoughAndFollowWithoutJumps) {
     // Coarse, so that the normals of adjacent facets differ by ten degrees or more.
     const FurredWorld world({sphere_mesh(1.0F, 10, 0.05F, 7.0F)});
     const Colliders colliders = world.colliders();

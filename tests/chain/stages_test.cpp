@@ -38,7 +38,7 @@ double length_of(const std::vector<Vec3d>& cvs) {
     return sum;
 }
 
-// A coat on a sphere, bent without noise: noise has its own reference (tests/unit/procedural/noise_test.cpp).
+// A coat on a sphere, bent without noise: noise has its own reference (tests/unit/noise/noise_test.cpp).
 struct Bent {
     FurredWorld world{{sphere_mesh(1.0F, 24, 0.05F, 9.0F)}};
     Groom groom = plain_coat(1500, 7, 0.1, 0.4, 0.004);
@@ -49,7 +49,7 @@ struct Bent {
 
 } // namespace
 
-TEST(Stages, bend_agrees_with_the_oracle) {
+TEST(Stages, BendAgreesWithTheOracle) {
     double worst = 0.0;
     size_t strands = 0;
     for (const uint32_t seed : {1U, 2U, 3U}) {
@@ -82,7 +82,7 @@ TEST(Stages, bend_agrees_with_the_oracle) {
     EXPECT_LT(worst, 1e-5);
 }
 
-TEST(Stages, shielding_agrees_with_the_oracle) {
+TEST(Stages, ShieldingAgreesWithTheOracle) {
     size_t strands = 0, cvs = 0, grazing = 0, differ = 0, sheltered = 0, windward_roots = 0, wrong_roots = 0;
     for (const uint32_t seed : {1U, 2U}) {
         std::vector<Mesh> meshes = {sphere_mesh(1.0F, 24, 0.05F, 9.0F), sphere_mesh(0.4F, 12, 0.0F, 1.0F)};
@@ -132,7 +132,7 @@ TEST(Stages, shielding_agrees_with_the_oracle) {
 }
 
 // Wind from a cone of directions: the ground that strands grow on does not shelter them.
-TEST(Stages, a_cone_of_wind_is_whole_over_open_ground) {
+TEST(Stages, AConeOfWindIsWholeOverOpenGround) {
     const FurredWorld world({plane_mesh(Vec2f(8.0F, 8.0F), 4)});
     const Groom groom = plain_coat(500, 5, 0.1, 0.3, 0.004);
     const Wind wind = plain_wind(Vec3d::UnitX(), 0.6);
@@ -151,7 +151,7 @@ TEST(Stages, a_cone_of_wind_is_whole_over_open_ground) {
     EXPECT_EQ(most, 0.0F);
 }
 
-TEST(Stages, jiggle_agrees_with_the_oracle) {
+TEST(Stages, JiggleAgreesWithTheOracle) {
     double worst = 0.0;
     size_t strands = 0;
     for (const double damping : {0.2, 1.0, 3.0}) {
@@ -205,7 +205,7 @@ TEST(Stages, jiggle_agrees_with_the_oracle) {
 }
 
 // More CVs give the same pose of a strand.
-TEST(Stages, poses_converge_as_cvs_are_added) {
+TEST(Stages, PosesConvergeAsCvsAreAdded) {
     FurredWorld world({sphere_mesh(1.0F, 24, 0.0F, 1.0F)});
     std::vector<Vec3d> tips[4];
     const int cvs[4] = {5, 9, 17, 65};

@@ -90,7 +90,7 @@ Costs costs(const FurredWorld& world, double global_rotate) {
 
 } // namespace
 
-TEST(Steps, leave_strands_in_the_skin_and_stop_short_of_contact) {
+TEST(Steps, LeaveStrandsInTheSkinAndStopShortOfContact) {
     std::vector<Mesh> meshes = {sphere_mesh(1.0F, 71, 0.03F, 9.0F)};
     const oracle::TriangleSet set = triangle_set(meshes);
     const FurredWorld world(std::move(meshes));
@@ -122,7 +122,7 @@ TEST(Steps, leave_strands_in_the_skin_and_stop_short_of_contact) {
 // Two winds: one bends strands more than half way, the other presses them against the skin. There exact
 // contact alone costs as much as the steps, which stop short of it, with 512-bit vectors, and 1.5 times as
 // much with 256-bit vectors. Hence the second bound.
-TEST(Speed, exact_collision_costs_less_than_sixteen_steps) {
+TEST(Speed, ExactCollisionCostsLessThanSixteenSteps) {
     for (const int divisions : {71, 250}) {
         const auto before = std::chrono::steady_clock::now();
         const FurredWorld world({sphere_mesh(1.0F, divisions, 0.03F, 9.0F)});

@@ -53,15 +53,13 @@ void expect_convergence(const Golden& golden) {
 
 class Convergence : public ::testing::TestWithParam<const char*> {};
 
-TEST_P(Convergence, falls_with_the_root_of_the_samples_or_faster) {
-    expect_convergence(golden_named(GetParam()));
-}
+TEST_P(Convergence, FallsWithTheRootOfTheSamplesOrFaster) { expect_convergence(golden_named(GetParam())); }
 
 // A scene for each kind of light and material.
 INSTANTIATE_TEST_SUITE_P(Of, Convergence, ::testing::Values("room", "sun", "lamp", "still", "hair"),
                          [](const auto& info) { return std::string(info.param); });
 
-TEST(Convergence, holds_in_the_gallery) {
+TEST(Convergence, HoldsInTheGallery) {
     size_t index = 0;
     for (const Golden& golden : goldens())
         if (golden.scene.find("golden/") == std::string::npos && testing::in_this_run(index++, 4))

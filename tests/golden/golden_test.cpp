@@ -5,11 +5,11 @@
 #include "tests/whole.h"
 
 #include "core/compare/compare_page.h"
-#include "core/geometry/curve_pieces.h"
-#include "core/geometry/round_pieces.h"
 #include "core/image/atomic_file.h"
 #include "core/math/hash.h"
 #include "core/plugin/embree.h"
+#include "core/trace/curve_pieces.h"
+#include "core/trace/round_pieces.h"
 
 #include <gtest/gtest.h>
 
@@ -51,7 +51,7 @@ std::string page_of(const Picture& picture, const Golden& golden, const Comparis
 
 class Frame : public ::testing::TestWithParam<Golden> {};
 
-TEST_P(Frame, is_as_it_was) {
+TEST_P(Frame, IsAsItWas) {
     const Golden& golden = GetParam();
     const Picture picture = Stage(golden).render(1);
     const Comparison comparison = against_golden(picture, golden);
@@ -67,7 +67,7 @@ TEST_P(Frame, is_as_it_was) {
 INSTANTIATE_TEST_SUITE_P(Golden, Frame, ::testing::ValuesIn(goldens().begin(), goldens().end()),
                          [](const auto& info) { return info.param.name; });
 
-TEST(Golden, frames_take_no_more_than_six_mebibytes_and_all_are_known) {
+TEST(Golden, FramesTakeNoMoreThanSixMebibytesAndAllAreKnown) {
     size_t bytes = 0;
     for (const auto& entry : fs::directory_iterator(MARRAM_SOURCE_DIR "/scenes/golden")) {
         if (entry.path().extension() != ".exr") continue;
@@ -78,7 +78,7 @@ TEST(Golden, frames_take_no_more_than_six_mebibytes_and_all_are_known) {
 }
 
 // Renders that differ only in their seed, spread over all goldens.
-TEST(Golden, a_change_of_seed_is_no_fault) {
+TEST(Golden, AChangeOfSeedIsNoFault) {
     const size_t renders = testing::whole_run() ? 2 * goldens().size() : goldens().size();
     const size_t count = goldens().size();
     size_t alarms = 0, rendered = 0;
@@ -155,7 +155,7 @@ void edit_curves(World& world, const std::function<void(uint64_t curve, float* v
 
 } // namespace
 
-TEST(GoldenFault, strands_off_by_half_a_pixel) {
+TEST(GoldenFault, StrandsOffByHalfAPixel) {
     const Golden& golden = golden_named("still");
     Stage stage(golden);
     // The camera is 3.4 m away; its field of view is 34 degrees over 72 pixels.
@@ -164,7 +164,7 @@ TEST(GoldenFault, strands_off_by_half_a_pixel) {
     expect_caught("strands off by half a pixel", stage, golden);
 }
 
-TEST(GoldenFault, a_gust_is_missing) {
+TEST(GoldenFault, AGustIsMissing) {
     expect_caught("the gust placed by hand is missing", "control",
                   {"wind.gusts.control=[{shape=\"sphere\", strength=0, transform={translate=[-0.3, 0.3, "
                    "0.4], scale=0.45}}]"});
@@ -174,9 +174,9 @@ TEST(GoldenFault, a_gust_is_missing) {
                    "0, 0], extent=[1, 1], distance=0.8, seed=2}"});
 }
 
-TEST(GoldenFault, jiggle_is_off) { expect_caught("jiggle is off", "jiggle", {"wind.jiggle={frequency=0}"}); }
+TEST(GoldenFault, JiggleIsOff) { expect_caught("jiggle is off", "jiggle", {"wind.jiggle={frequency=0}"}); }
 
-TEST(GoldenFault, collision_is_off_for_one_strand_in_a_hundred) {
+TEST(GoldenFault, CollisionIsOffForOneStrandInAHundred) {
     const Golden& golden = golden_named("collision");
     Stage stage(golden), without(golden, {"wind.collision={solver=\"none\"}"});
     // 1 % of all strands, taken from those that collision moves by more than a pixel: of the others nothing
@@ -204,7 +204,7 @@ TEST(GoldenFault, collision_is_off_for_one_strand_in_a_hundred) {
 }
 
 // Compares each frame with its scene without the feature that it shows, or with slightly more or less of it.
-TEST(GoldenFault, what_a_frame_shows_is_missed) {
+TEST(GoldenFault, WhatAFrameShowsIsMissed) {
     struct Missing {
         const char *golden, *what;
         std::vector<std::string> changes;
@@ -272,7 +272,7 @@ TEST(GoldenFault, what_a_frame_shows_is_missed) {
 }
 
 // A square of a layer holds the values of another place.
-TEST(GoldenFault, a_layer_is_spoilt) {
+TEST(GoldenFault, ALayerIsSpoilt) {
     const Golden& golden = golden_named("layers");
     const Picture picture = Stage(golden).render(15);
     ASSERT_TRUE(against_golden(picture, golden).alike());
@@ -291,11 +291,11 @@ TEST(GoldenFault, a_layer_is_spoilt) {
     }
 }
 
-TEST(GoldenFault, a_sun_brighter_by_a_hundredth) {
+TEST(GoldenFault, ASunBrighterByAHundredth) {
     expect_caught("a sun brighter by 1 %", "sun", {"light.sun.irradiance=[3.232, 3.03, 2.727]"});
 }
 
-TEST(GoldenFault, channels_are_swapped) {
+TEST(GoldenFault, ChannelsAreSwapped) {
     const Golden& golden = golden_named("room");
     expect_caught("red and green swapped", Stage(golden), golden, [](Picture& picture) {
         std::vector<float>& p = picture.layers[0].pixels;
@@ -303,7 +303,7 @@ TEST(GoldenFault, channels_are_swapped) {
     });
 }
 
-TEST(GoldenFault, one_firefly) {
+TEST(GoldenFault, OneFirefly) {
     for (const char* name : {"room", "bend"}) {
         const Golden& golden = golden_named(name);
         expect_caught("one firefly", Stage(golden), golden, [](Picture& picture) {

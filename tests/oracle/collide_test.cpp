@@ -23,7 +23,7 @@ void expect_lengths(const std::vector<Vec3d>& cvs, const std::vector<Vec3d>& res
     }
 }
 
-TEST(OracleCollide, without_colliders_every_target_is_reached) {
+TEST(OracleCollide, WithoutCollidersEveryTargetIsReached) {
     Draw draw(61);
     const std::vector<Vec3d> rest = straight({0, 0, 0}, 0.1 * y, 9);
     std::vector<Vec3d> targets{rest[0]};
@@ -37,7 +37,7 @@ TEST(OracleCollide, without_colliders_every_target_is_reached) {
     EXPECT_EQ(at_rest.goal, 0.0);
 }
 
-TEST(OracleCollide, segments_start_where_the_turns_nearer_the_root_have_carried_them) {
+TEST(OracleCollide, SegmentsStartWhereTheTurnsNearerTheRootHaveCarriedThem) {
     // A straight strand that is blown flat rotates only at its root.
     const std::vector<Vec3d> rest = straight({0, 0, 0}, 0.1 * y, 6),
                              targets = straight({0, 0, 0}, 0.1 * x, 6);
@@ -46,7 +46,7 @@ TEST(OracleCollide, segments_start_where_the_turns_nearer_the_root_have_carried_
     EXPECT_NEAR(turn.goal, pi / 2, 1e-14);
 }
 
-TEST(OracleCollide, a_strand_pressed_to_the_floor_comes_to_lie_on_it) {
+TEST(OracleCollide, AStrandPressedToTheFloorComesToLieOnIt) {
     // Root at height h, targets below the floor: the end of segment k stops at height c_k.
     const TriangleSet ground(floor_mesh(0.0, 10.0));
     const double h = 0.1, l = 0.2;
@@ -68,7 +68,7 @@ TEST(OracleCollide, a_strand_pressed_to_the_floor_comes_to_lie_on_it) {
     EXPECT_GT(turn.turned / turn.goal, 0.25) << "segments carried under the floor turn away from their goals";
 }
 
-TEST(OracleCollide, a_segment_carried_in_is_turned_out_by_the_smaller_turn) {
+TEST(OracleCollide, ASegmentCarriedInIsTurnedOutByTheSmallerTurn) {
     const TriangleSet ground(floor_mesh(0.0, 10.0));
     const double h = 0.6, free = std::acos(h);
     const Vec3d start(std::sin(0.2), -std::cos(0.2), 0);
@@ -94,7 +94,7 @@ TEST(OracleCollide, a_segment_carried_in_is_turned_out_by_the_smaller_turn) {
     EXPECT_NEAR(turn.remaining, free - 0.5, 1e-9);
 }
 
-TEST(OracleCollide, where_one_plane_is_shut_another_is_tried_and_a_closed_box_is_unresolved) {
+TEST(OracleCollide, WhereOnePlaneIsShutAnotherIsTriedAndAClosedBoxIsUnresolved) {
     std::vector<Triangle> box = box_mesh({-1, -1, -1}, {1, 1, 1});
     const Vec3d start = Vec3d(0.3, 0.9, 0.1).normalized();
     const SegmentTurn shut = turn_segment(Vec3d::Zero(), start, x, start, 3.0, 0.0, TriangleSet(box));
@@ -109,7 +109,7 @@ TEST(OracleCollide, where_one_plane_is_shut_another_is_tried_and_a_closed_box_is
     EXPECT_GT(open.direction.z(), 0.5);
 }
 
-TEST(OracleCollide, a_sheet_thinner_than_any_step_is_not_jumped_over) {
+TEST(OracleCollide, ASheetThinnerThanAnyStepIsNotJumpedOver) {
     const TriangleSet sheet({{Vec3d(0.2, 0.5, -1), Vec3d(0.2, 0.5, 1), Vec3d(0.9, 0.5, 0)}});
     const std::vector<Vec3d> rest = straight({0, 0, 0}, y, 2), targets{{0, 0, 0}, {1, 0, 0}};
     const StrandTurn turn = collide_strand(rest, targets, {0.0}, sheet);
@@ -117,7 +117,7 @@ TEST(OracleCollide, a_sheet_thinner_than_any_step_is_not_jumped_over) {
     EXPECT_NEAR(turn.segments[0].angle, std::atan2(0.2, 0.5), 1e-9);
 }
 
-TEST(OracleCollide, segments_of_no_length_and_opposed_goals_are_finite) {
+TEST(OracleCollide, SegmentsOfNoLengthAndOpposedGoalsAreFinite) {
     const TriangleSet ground(floor_mesh(-3.0, 10.0));
     const std::vector<Vec3d> rest{{0, 0, 0}, {0, 0, 0}, {0, 1, 0}, {0, 1, 0}};
     const std::vector<Vec3d> targets{{0, 0, 0}, {0, 0, 0}, {0, -1, 0}, {0, -1, 0}};
@@ -127,7 +127,7 @@ TEST(OracleCollide, segments_of_no_length_and_opposed_goals_are_finite) {
     EXPECT_NEAR(turn.segments[1].angle, pi, 1e-12);
 }
 
-TEST(OracleCollide, fur_on_a_bumpy_sphere_crosses_nothing_and_is_the_same_at_any_scale) {
+TEST(OracleCollide, FurOnABumpySphereCrossesNothingAndIsTheSameAtAnyScale) {
     auto bumpy = [](const Vec3d& u) {
         return 1.0 + 0.05 * std::sin(7.0 * u.x()) * std::cos(9.0 * u.y()) * std::sin(8.0 * u.z() + 1.0);
     };

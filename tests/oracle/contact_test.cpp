@@ -10,7 +10,7 @@
 namespace marram::oracle {
 namespace {
 
-TEST(OracleContact, onto_a_plane_the_tip_touches_where_the_sine_says) {
+TEST(OracleContact, OntoAPlaneTheTipTouchesWhereTheSineSays) {
     for (double scale : {1e-30, 1e-3, 1.0, 1e5, 1e30})
         for (double c : {0.0, 1e-3, 0.1}) {
             const TriangleSet ground(moved(floor_mesh(0.0, 10.0), scale, Vec3d::Zero()));
@@ -37,7 +37,7 @@ double sharp_contact(double r, double phi, double l, double c) {
     return phi - std::acos((l * l + r * r - c * c) / (2.0 * l * r)); // by the tip
 }
 
-TEST(OracleContact, edges_and_corners_touch_where_the_circle_around_them_says) {
+TEST(OracleContact, EdgesAndCornersTouchWhereTheCircleAroundThemSays) {
     const double phi = 1.1, l = 1.0;
     const Vec3d at = std::cos(phi) * x + std::sin(phi) * y,
                 beyond = std::cos(phi + 0.4) * x + std::sin(phi + 0.4) * y;
@@ -59,7 +59,7 @@ TEST(OracleContact, edges_and_corners_touch_where_the_circle_around_them_says) {
         }
 }
 
-TEST(OracleContact, a_corner_in_the_way_without_clearance_is_hit_dead_on) {
+TEST(OracleContact, ACornerInTheWayWithoutClearanceIsHitDeadOn) {
     const double phi = 0.8;
     const Vec3d at = 0.5 * (std::cos(phi) * x + std::sin(phi) * y);
     const TriangleSet edge({{at - z, at + z, 3.0 * at + y}});
@@ -67,7 +67,7 @@ TEST(OracleContact, a_corner_in_the_way_without_clearance_is_hit_dead_on) {
     EXPECT_NEAR(contact.angle, phi, 1e-9);
 }
 
-TEST(OracleContact, a_graze_is_told_by_the_margin) {
+TEST(OracleContact, AGrazeIsToldByTheMargin) {
     // A corner beside the plane of the sweep is closer than the clearance by a tenth of the margin, or
     // farther by as much.
     const double c = 0.1, margin = 1e-6;
@@ -81,14 +81,14 @@ TEST(OracleContact, a_graze_is_told_by_the_margin) {
     }
 }
 
-TEST(OracleContact, sliding_along_a_sheet_just_outside_the_clearance_costs_nothing) {
+TEST(OracleContact, SlidingAlongASheetJustOutsideTheClearanceCostsNothing) {
     // The distance is constant over the whole rotation: the chord bound alone would need 1e12 intervals.
     const TriangleSet ground(floor_mesh(0.0, 10.0));
     EXPECT_FALSE(first_contact({0, 0.1 + 1e-12, 0}, x, y, 3.0, 1.0, 0.1, ground).touches);
     EXPECT_EQ(first_contact({0, 0.1 - 1e-12, 0}, x, y, 3.0, 1.0, 0.1, ground).angle, 0.0);
 }
 
-TEST(OracleContact, random_contacts_agree_with_a_scan) {
+TEST(OracleContact, RandomContactsAgreeWithAScan) {
     for (uint64_t seed : {41, 42, 43}) {
         Draw draw(seed);
         int touched = 0;
@@ -117,7 +117,7 @@ TEST(OracleContact, random_contacts_agree_with_a_scan) {
     }
 }
 
-TEST(OracleContact, out_of_a_plane_the_smaller_turn_is_where_the_cosine_says) {
+TEST(OracleContact, OutOfAPlaneTheSmallerTurnIsWhereTheCosineSays) {
     const TriangleSet ground(floor_mesh(0.0, 10.0));
     for (double c : {0.0, 0.05}) {
         const double h = 0.6, exact = std::acos((h - c) / 1.0);
@@ -132,7 +132,7 @@ TEST(OracleContact, out_of_a_plane_the_smaller_turn_is_where_the_cosine_says) {
     EXPECT_FALSE(first_free({0, 0.04, 0}, -y, z, 1.0, 0.05, ground)) << "the pivot is too near";
 }
 
-TEST(OracleContact, random_ways_out_agree_with_a_scan) {
+TEST(OracleContact, RandomWaysOutAgreeWithAScan) {
     for (uint64_t seed : {51, 52, 53}) {
         Draw draw(seed);
         int out = 0, none = 0;
@@ -154,7 +154,7 @@ TEST(OracleContact, random_ways_out_agree_with_a_scan) {
     }
 }
 
-TEST(OracleContact, a_closed_box_has_no_free_direction_and_a_small_hole_in_it_is_found) {
+TEST(OracleContact, AClosedBoxHasNoFreeDirectionAndASmallHoleInItIsFound) {
     std::vector<Triangle> box = box_mesh({-1, -1, -1}, {1, 1, 1});
     const Vec3d pivot(0.1, 0.2, -0.1);
     EXPECT_FALSE(any_free_direction(pivot, 2.5, 0.0, TriangleSet(box), 20000));
@@ -170,7 +170,7 @@ TEST(OracleContact, a_closed_box_has_no_free_direction_and_a_small_hole_in_it_is
                                    TriangleSet(box_mesh({-1, -1, -1}, {1, 1, 1})), 20000));
 }
 
-TEST(OracleContact, a_slit_is_free_for_what_is_thinner_than_it) {
+TEST(OracleContact, ASlitIsFreeForWhatIsThinnerThanIt) {
     // Two sheets with a slit of 0.02 between them; the segment reaches through it.
     std::vector<Triangle> box = box_mesh({-1, -1, -1}, {1, 1, 1});
     std::erase_if(box, [](const Triangle& t) { return area_normal(t).y() > 0.0; });
@@ -187,7 +187,7 @@ TEST(OracleContact, a_slit_is_free_for_what_is_thinner_than_it) {
     EXPECT_FALSE(any_free_direction(Vec3d::Zero(), 2.5, 0.0101, set, 20000));
 }
 
-TEST(OracleContact, sliding_along_an_edge_within_rounding_of_it_is_decided) {
+TEST(OracleContact, SlidingAlongAnEdgeWithinRoundingOfItIsDecided) {
     // The segment points at one edge, ends beyond it and slides along it over the whole rotation.
     const TriangleSet wall({{Vec3d(-1, 1, 0), Vec3d(1, 1, 0), Vec3d(0, 1, -3)}});
     for (double above : {0.0, 1e-15, 1e-13, 1e-11, 1e-9})

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Vector noise in doubles, one point at a time, from its definition at the head of procedural/wind/noise.h:
+// Vector noise in doubles, one point at a time, from its definition at the head of procedural/noise/noise.h:
 //
 // Gradient noise (Perlin 2002) on a lattice of cells. The fractional coordinates of the point in its cell are
 // t_i in [0, 1). Every corner of the cell has a gradient g, one of the 12 edge directions of a cube (four of

@@ -20,7 +20,7 @@ std::vector<Vec3d> upright(int segments, double length) {
     return cvs;
 }
 
-TEST(OracleBend, a_straight_strand_turns_by_what_is_left_at_every_segment) {
+TEST(OracleBend, AStraightStrandTurnsByWhatIsLeftAtEverySegment) {
     // The part beyond P_k is straight and at angle a_k to the wind; rotating it by f a_k leaves (1 - f) a_k.
     for (int segments : {1, 4, 64}) {
         const double length = 2.0, knots[] = {0.0, 0.1, 1.0, 0.6};
@@ -37,7 +37,7 @@ TEST(OracleBend, a_straight_strand_turns_by_what_is_left_at_every_segment) {
     }
 }
 
-TEST(OracleBend, with_reference_segments_any_number_of_cvs_turns_as_far) {
+TEST(OracleBend, WithReferenceSegmentsAnyNumberOfCvsTurnsAsFar) {
     for (int segments : {4, 8, 64}) {
         Bend bend;
         bend.global_rotate = 0.4;
@@ -50,7 +50,7 @@ TEST(OracleBend, with_reference_segments_any_number_of_cvs_turns_as_far) {
     }
 }
 
-TEST(OracleBend, full_wind_lays_everything_along_it_and_none_leaves_every_bit) {
+TEST(OracleBend, FullWindLaysEverythingAlongItAndNoneLeavesEveryBit) {
     Draw draw(1);
     std::vector<Vec3d> rest{draw.in_cube()};
     for (int k = 0; k < 7; ++k) rest.push_back(rest.back() + 0.2 * draw.direction() + 0.1 * y);
@@ -65,7 +65,7 @@ TEST(OracleBend, full_wind_lays_everything_along_it_and_none_leaves_every_bit) {
     for (size_t k = 0; k < rest.size(); ++k) EXPECT_TRUE(none[k] == rest[k]);
 }
 
-TEST(OracleBend, ramp_envelope_and_noise_enter_where_the_chain_says) {
+TEST(OracleBend, RampEnvelopeAndNoiseEnterWhereTheChainSays) {
     const double knots[] = {0.0, 0.0, 1.0, 1.0};
     Bend bend;
     bend.ramp_rotate = Ramp(knots, "linear");
@@ -84,7 +84,7 @@ TEST(OracleBend, ramp_envelope_and_noise_enter_where_the_chain_says) {
     EXPECT_TRUE(bend_curve({Vec3d::Zero(), y}, noisy)[1] == y) << "noise cancels the wind";
 }
 
-TEST(OracleBend, wind_against_the_strand_turns_it_by_the_stated_axes) {
+TEST(OracleBend, WindAgainstTheStrandTurnsItByTheStatedAxes) {
     Bend bend;
     bend.wind = -y;
     bend.global_rotate = 0.5;
@@ -104,7 +104,7 @@ TEST(OracleBend, wind_against_the_strand_turns_it_by_the_stated_axes) {
     EXPECT_NEAR((near.axis - y.cross(x)).norm(), 0.0, 1e-6) << "its own axis as long as there is one";
 }
 
-TEST(OracleBend, hard_strands_stay_finite) {
+TEST(OracleBend, HardStrandsStayFinite) {
     for (double scale : {0.0, 1e-30, 1e30})
         for (double against : {1.0, -1.0}) {
             Bend bend;
@@ -126,7 +126,7 @@ double ramp_response(double t, double omega, double zeta) {
     return t - 2.0 * zeta / omega + decay * (2.0 * zeta / omega * even + (2.0 * zeta * zeta - 1.0) / w * odd);
 }
 
-TEST(OracleJiggle, a_target_that_starts_to_move_is_followed_by_the_closed_form) {
+TEST(OracleJiggle, ATargetThatStartsToMoveIsFollowedByTheClosedForm) {
     double worst = 0.0;
     for (double zeta : {0.0, 0.05, 0.5, 1.0, 2.0, 5.0})
         for (double omega : {0.5, 2.0 * pi * 3.0, 60.0}) {
@@ -146,7 +146,7 @@ TEST(OracleJiggle, a_target_that_starts_to_move_is_followed_by_the_closed_form) 
     EXPECT_LT(worst, 1e-11);
 }
 
-TEST(OracleJiggle, a_constant_target_stays_and_an_undamped_strand_swings_for_ever) {
+TEST(OracleJiggle, AConstantTargetStaysAndAnUndampedStrandSwingsForEver) {
     const std::vector<Vec3d> pose{{1, 2, 3}, {4, 5, 6}};
     const History still{{0.0, 1.0, 2.0}, {pose, pose, pose}};
     for (double zeta : {0.0, 1.0, 50.0}) {
@@ -160,7 +160,7 @@ TEST(OracleJiggle, a_constant_target_stays_and_an_undamped_strand_swings_for_eve
             << t;
 }
 
-TEST(OracleJiggle, lengths_are_restored_from_the_true_root) {
+TEST(OracleJiggle, LengthsAreRestoredFromTheTrueRoot) {
     const std::vector<Vec3d> bent{{1, 0, 0}, {1, 1, 0}, {1, 3, 0}};
     const std::vector<Vec3d> filtered{{0, 0, 0}, {1, 4, 0}, {1, 4, 0}};
     const std::vector<Vec3d> restored = restored_lengths(filtered, bent, {1.0, 2.0});
@@ -171,7 +171,7 @@ TEST(OracleJiggle, lengths_are_restored_from_the_true_root) {
     EXPECT_NEAR((pose_at(history, 0.25)[2] - Vec3d(1.25, 3, 0)).norm(), 0.0, 1e-15);
 }
 
-TEST(OracleNoise, it_vanishes_on_the_lattice_and_has_an_edge_of_the_cube_as_its_slope) {
+TEST(OracleNoise, ItVanishesOnTheLatticeAndHasAnEdgeOfTheCubeAsItsSlope) {
     Draw draw(3);
     for (int i = 0; i < 300; ++i) {
         const Vec3d corner(draw.below(2000) - 1000, draw.below(2000) - 1000, draw.below(2000) - 1000);
@@ -190,7 +190,7 @@ TEST(OracleNoise, it_vanishes_on_the_lattice_and_has_an_edge_of_the_cube_as_its_
     }
 }
 
-TEST(OracleNoise, gradients_are_the_edges_of_a_cube_four_of_them_twice) {
+TEST(OracleNoise, GradientsAreTheEdgesOfACubeFourOfThemTwice) {
     // Perlin 2002 repeats (1,1,0), (-1,1,0), (0,-1,1), (0,-1,-1). 4000 corners with three components: 750 of
     // each edge, 1500 of the repeated ones.
     int seen[3][3][3] = {};
@@ -216,7 +216,7 @@ TEST(OracleNoise, gradients_are_the_edges_of_a_cube_four_of_them_twice) {
             }
 }
 
-TEST(OracleNoise, along_a_lattice_line_two_slopes_are_blended_by_the_quintic) {
+TEST(OracleNoise, AlongALatticeLineTwoSlopesAreBlendedByTheQuintic) {
     for (int cell = -5; cell < 5; ++cell)
         for (double t : {0.1, 0.5, 0.8}) {
             const Vec3d value = perlin({cell + t, 3, -2}, 1);
@@ -232,7 +232,7 @@ TEST(OracleNoise, along_a_lattice_line_two_slopes_are_blended_by_the_quintic) {
         }
 }
 
-TEST(OracleNoise, it_repeats_after_the_period_and_octaves_add_up) {
+TEST(OracleNoise, ItRepeatsAfterThePeriodAndOctavesAddUp) {
     const Vec3d p(0.3, 0.6, 0.2), period(0x1p32, -0x1p32, 0x1p33);
     const Vec3d exact(0.25, 0.625, 0.125); // still exact after adding the period
     EXPECT_EQ((perlin(exact, 3) - perlin(exact + period, 3)).norm(), 0.0);
@@ -245,7 +245,7 @@ TEST(OracleNoise, it_repeats_after_the_period_and_octaves_add_up) {
     EXPECT_NEAR((fractal_noise(noise, p, 0.7) - perlin(2.0 * p, 0.7, 9)).norm(), 0.0, 1e-15);
 }
 
-TEST(OracleNoise, it_has_no_mean_and_no_preferred_component) {
+TEST(OracleNoise, ItHasNoMeanAndNoPreferredComponent) {
     for (uint64_t seed : {1, 2, 3}) {
         Draw draw(seed);
         Vec3d mean = Vec3d::Zero(), square = Vec3d::Zero();

@@ -12,7 +12,7 @@
 namespace marram::oracle {
 namespace {
 
-TEST(OracleOffset, over_a_plane_heights_are_heights) {
+TEST(OracleOffset, OverAPlaneHeightsAreHeights) {
     const TriangleSet ground(floor_mesh(0.0, 10.0));
     const std::vector<Vec3d> rest{{1, 0, 0.5}, {1, 1, 0.5}, {1, 2, 0.5}, {1, 3, 0.5}};
     const std::vector<Vec3d> bent{{1, 0, 0.5}, {2, 0.2, 0.5}, {3, -1, 0.5}, {2, 2.9, 0.5}};
@@ -27,7 +27,7 @@ TEST(OracleOffset, over_a_plane_heights_are_heights) {
     for (size_t k = 1; k < 4; ++k) EXPECT_NEAR(whole.cvs[k].y(), rest[k].y(), 1e-15);
 }
 
-TEST(OracleOffset, on_a_thin_ear_the_side_that_the_strand_grows_on_counts) {
+TEST(OracleOffset, OnAThinEarTheSideThatTheStrandGrowsOnCounts) {
     const TriangleSet ear(box_mesh({-5, -0.01, -5}, {5, 0.01, 5}));
     const std::vector<Vec3d> rest{{0, 0.01, 0.3}, {0, 1.01, 0.3}}, bent{{0, 0.01, 0.3}, {0.6, -0.5, 0.3}};
     const Pushed pushed = push_targets(rest, bent, y, 1.0, ear);
@@ -36,7 +36,7 @@ TEST(OracleOffset, on_a_thin_ear_the_side_that_the_strand_grows_on_counts) {
     EXPECT_EQ(push_targets(rest, bent, -y, 1.0, TriangleSet(floor_mesh(0.0, 1.0))).skipped, 1) << "no side";
 }
 
-TEST(OracleOffset, signs_are_right_around_edges_and_corners_of_a_closed_mesh) {
+TEST(OracleOffset, SignsAreRightAroundEdgesAndCornersOfAClosedMesh) {
     const TriangleSet box(box_mesh({-1, -1, -1}, {1, 1, 1}));
     Draw draw(81);
     int on_edge = 0;
@@ -55,7 +55,7 @@ TEST(OracleOffset, signs_are_right_around_edges_and_corners_of_a_closed_mesh) {
     EXPECT_GT(on_edge, 50);
 }
 
-TEST(OracleOffset, at_a_sharp_ridge_the_sign_and_the_side_are_those_of_the_right_face) {
+TEST(OracleOffset, AtASharpRidgeTheSignAndTheSideAreThoseOfTheRightFace) {
     // A wedge of 20 degrees, its ridge along z at the origin: normals (+-cos 10, sin 10).
     const double c = std::cos(10.0 * degree), s = std::sin(10.0 * degree), deep = 20.0;
     std::vector<Triangle> faces;
@@ -82,7 +82,7 @@ TEST(OracleOffset, at_a_sharp_ridge_the_sign_and_the_side_are_those_of_the_right
     }
 }
 
-TEST(OracleOffset, around_a_sphere_heights_are_radii) {
+TEST(OracleOffset, AroundASphereHeightsAreRadii) {
     const TriangleSet sphere(sphere_mesh(100, [](const Vec3d&) { return 1.0; }));
     Draw draw(82);
     double worst = 0.0, aside = 0.0;
@@ -101,13 +101,13 @@ TEST(OracleOffset, around_a_sphere_heights_are_radii) {
     EXPECT_LT(aside, 0.016);
 }
 
-TEST(OraclePromise, crossed_segments_are_counted) {
+TEST(OraclePromise, CrossedSegmentsAreCounted) {
     const TriangleSet ground(floor_mesh(0.0, 10.0));
     EXPECT_EQ(crossed_segments({{0, 1, 0.5}, {1, 0.5, 0.5}, {2, -0.5, 0.5}, {3, 0.5, 0.5}}, ground), 2);
     EXPECT_EQ(crossed_segments({{0, 1, 0.5}, {1, 0.25, 0.5}}, ground), 0);
 }
 
-TEST(OraclePromise, splines_meet_their_closed_forms) {
+TEST(OraclePromise, SplinesMeetTheirClosedForms) {
     const std::vector<Vec3d> cvs{{0, 0, 0}, {1, 2, 0}, {3, 1, 1}, {4, 4, 2}};
     for (size_t k = 0; k < 3; ++k) {
         EXPECT_NEAR((spline_point(cvs, Spline::catmull_rom, k, 0.0) - cvs[k]).norm(), 0.0, 1e-15);
@@ -124,7 +124,7 @@ TEST(OraclePromise, splines_meet_their_closed_forms) {
     EXPECT_NEAR((spline_point({{0, 0, 0}, {2, 0, 0}}, Spline::b_spline, 0, 0.5) - x).norm(), 0.0, 1e-15);
 }
 
-TEST(OraclePromise, a_curve_that_cuts_the_corner_dips_by_what_it_cuts) {
+TEST(OraclePromise, ACurveThatCutsTheCornerDipsByWhatItCuts) {
     // The polygon goes over a narrow plate at height 0.8, the B-spline passes under it at 2/3.
     const TriangleSet plate({{Vec3d(-0.01, 0.8, -9), Vec3d(-0.01, 0.8, 9), Vec3d(0.01, 0.8, 9)},
                              {Vec3d(-0.01, 0.8, -9), Vec3d(0.01, 0.8, 9), Vec3d(0.01, 0.8, -9)}});
@@ -140,7 +140,7 @@ TEST(OraclePromise, a_curve_that_cuts_the_corner_dips_by_what_it_cuts) {
     EXPECT_NEAR(above[1], 0.2 - 0.3, 1e-15);
 }
 
-TEST(OracleShield, a_wall_upwind_shields_what_is_lower_than_it) {
+TEST(OracleShield, AWallUpwindShieldsWhatIsLowerThanIt) {
     const TriangleSet wall({{Vec3d(-1, -1, -5), Vec3d(-1, -1, 5), Vec3d(-1, 0.5, 5)},
                             {Vec3d(-1, -1, -5), Vec3d(-1, 0.5, 5), Vec3d(-1, 0.5, -5)}});
     std::vector<Vec3d> cvs;
@@ -159,7 +159,7 @@ TEST(OracleShield, a_wall_upwind_shields_what_is_lower_than_it) {
     EXPECT_EQ(shield_envelope(2.0, 1.0), 0.0);
 }
 
-TEST(OracleShield, on_a_sphere_windward_roots_are_open_and_lee_roots_shielded_at_any_scale) {
+TEST(OracleShield, OnASphereWindwardRootsAreOpenAndLeeRootsShieldedAtAnyScale) {
     for (double scale : {1e-4, 1.0, 1e5}) {
         const std::vector<Triangle> mesh =
             moved(sphere_mesh(24, [](const Vec3d&) { return 1.0; }), scale, Vec3d::Zero());
@@ -177,7 +177,7 @@ TEST(OracleShield, on_a_sphere_windward_roots_are_open_and_lee_roots_shielded_at
     }
 }
 
-TEST(OracleShield, shelter_fades_with_the_distance_behind_the_nearest_of_several_walls) {
+TEST(OracleShield, ShelterFadesWithTheDistanceBehindTheNearestOfSeveralWalls) {
     std::vector<Triangle> walls;
     for (double at : {-1.0, -2.0}) // two triangles each
         for (const auto& [b, c] :
@@ -194,7 +194,7 @@ TEST(OracleShield, shelter_fades_with_the_distance_behind_the_nearest_of_several
     EXPECT_EQ(shelter_from({0, 0.2, 0.3}, -x, 8.0, 1e-6, set).value, 1.0);
 }
 
-TEST(OracleShield, a_ball_in_a_cone_of_wind_shelters_by_its_share_of_the_solid_angle) {
+TEST(OracleShield, ABallInAConeOfWindSheltersByItsShareOfTheSolidAngle) {
     const double spread = 20 * degree, distance = 3.0, radius = 0.6, fade = 5.0;
     const TriangleSet ball(moved(sphere_mesh(96, [&](const Vec3d&) { return radius; }), 1.0, -x * distance));
     const double share = (1.0 - std::sqrt(1.0 - 0.04)) / (1.0 - std::cos(spread));

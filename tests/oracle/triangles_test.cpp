@@ -12,7 +12,7 @@ namespace {
 
 const double inf = std::numeric_limits<double>::infinity();
 
-TEST(OraclePredicates, points_in_a_plane_and_one_step_beside_it_are_told_apart) {
+TEST(OraclePredicates, PointsInAPlaneAndOneStepBesideItAreToldApart) {
     Draw draw(11);
     int checked = 0;
     for (int round = 0; round < 2000; ++round) {
@@ -32,7 +32,7 @@ TEST(OraclePredicates, points_in_a_plane_and_one_step_beside_it_are_told_apart) 
     std::printf("  %d planes\n", checked);
 }
 
-TEST(OraclePredicates, the_sign_turns_with_the_order_of_the_points_at_any_scale) {
+TEST(OraclePredicates, TheSignTurnsWithTheOrderOfThePointsAtAnyScale) {
     Draw draw(12);
     for (double scale : {1e-30, 1e-6, 1.0, 1e7, 1e30})
         for (int round = 0; round < 500; ++round) {
@@ -45,7 +45,7 @@ TEST(OraclePredicates, the_sign_turns_with_the_order_of_the_points_at_any_scale)
         }
 }
 
-TEST(OracleTriangles, distances_of_simple_places_are_the_obvious_ones) {
+TEST(OracleTriangles, DistancesOfSimplePlacesAreTheObviousOnes) {
     const Triangle t{{0, 0, 0}, {4, 0, 0}, {0, 0, 4}};
     EXPECT_DOUBLE_EQ((nearest_point_on_triangle({1, 3, 1}, t) - Vec3d(1, 0, 1)).norm(), 0.0);
     EXPECT_DOUBLE_EQ((nearest_point_on_triangle({2, 3, -4}, t) - Vec3d(2, 0, 0)).norm(), 0.0);
@@ -75,7 +75,7 @@ void expect_nearest(const Vec3d& p, const Vec3d& q, const Triangle& t, double& w
     worst = std::max(worst, excess / size * std::min(1.0, c.distance / size / 1e-7));
 }
 
-TEST(OracleTriangles, nearest_points_are_proven_by_the_planes_that_part_them) {
+TEST(OracleTriangles, NearestPointsAreProvenByThePlanesThatPartThem) {
     for (uint64_t seed : {1, 2, 3}) {
         Draw draw(seed);
         double worst = 0.0;
@@ -93,7 +93,7 @@ TEST(OracleTriangles, nearest_points_are_proven_by_the_planes_that_part_them) {
     }
 }
 
-TEST(OracleTriangles, a_segment_through_a_known_point_crosses_and_the_margin_is_its_distance_to_the_border) {
+TEST(OracleTriangles, ASegmentThroughAKnownPointCrossesAndTheMarginIsItsDistanceToTheBorder) {
     const Triangle t{{0, 0, 0}, {4, 0, 0}, {0, 0, 4}};
     const Crossing c = crossing({1, -0.5, 0.25}, {1, 2, 0.25}, t);
     EXPECT_TRUE(c.crosses);
@@ -112,7 +112,7 @@ TEST(OracleTriangles, a_segment_through_a_known_point_crosses_and_the_margin_is_
     EXPECT_EQ(crossing({1, -1, 0}, {1, 1, 0}, {{0, 0, 0}, {2, 0, 0}, {4, 0, 0}}).margin, 0.0);
 }
 
-TEST(OracleTriangles, nothing_leaks_through_edges_and_corners_of_a_closed_mesh) {
+TEST(OracleTriangles, NothingLeaksThroughEdgesAndCornersOfAClosedMesh) {
     const std::vector<Triangle> mesh =
         sphere_mesh(8, [](const Vec3d& u) { return 1.0 + 0.2 * u.x() * u.z(); });
     Draw draw(5);
@@ -158,7 +158,7 @@ void compare_searches(const Case& c, uint64_t seed) {
     std::printf("  size %g scale %g at %g: %d crossings, all found\n", c.size, c.scale, c.at.x(), hits);
 }
 
-TEST(OracleTriangleSet, grid_and_brute_force_give_the_same_answers) {
+TEST(OracleTriangleSet, GridAndBruteForceGiveTheSameAnswers) {
     uint64_t seed = 20;
     for (const Case& c : {Case{0.02, 1.0, Vec3d::Zero()}, Case{0.3, 1.0, Vec3d::Zero()},
                           Case{0.1, 1.0, Vec3d(1e7, -1e7, 3e6)}, Case{0.1, 1e-30, Vec3d::Zero()},
@@ -166,7 +166,7 @@ TEST(OracleTriangleSet, grid_and_brute_force_give_the_same_answers) {
         compare_searches(c, seed++);
 }
 
-TEST(OracleTriangleSet, queries_right_on_the_borders_of_cells_lose_nothing) {
+TEST(OracleTriangleSet, QueriesRightOnTheBordersOfCellsLoseNothing) {
     for (double at : {0.0, 1e3, -1e6}) {
         const double step = 0.1;
         const int count = 10;
@@ -194,7 +194,7 @@ TEST(OracleTriangleSet, queries_right_on_the_borders_of_cells_lose_nothing) {
     }
 }
 
-TEST(OracleTriangleSet, flat_single_and_empty_sets_are_searched_too) {
+TEST(OracleTriangleSet, FlatSingleAndEmptySetsAreSearchedToo) {
     const TriangleSet none{std::vector<Triangle>{}};
     EXPECT_EQ(none.nearest({0, 0, 0}, {1, 0, 0}).triangle, -1);
     EXPECT_FALSE(none.any_crossing({0, 0, 0}, {1, 0, 0}));
@@ -206,7 +206,7 @@ TEST(OracleTriangleSet, flat_single_and_empty_sets_are_searched_too) {
     EXPECT_EQ(point.nearest({1, 1, 3}, {1, 1, 3}).closest.distance, 2.0);
 }
 
-TEST(OracleTriangleSet, a_sphere_of_many_triangles_has_the_spheres_distances) {
+TEST(OracleTriangleSet, ASphereOfManyTrianglesHasTheSpheresDistances) {
     const int rows = 708; // 2 * rows * (2 * rows - 2) = 2.0 million triangles
     const TriangleSet set(sphere_mesh(rows, [](const Vec3d&) { return 1.0; }));
     const double sagitta =

@@ -96,7 +96,7 @@ std::vector<Curve> many(uint64_t seed, int count, int cvs, double length, const 
     return curves;
 }
 
-TEST(Bend, wind_against_the_strand) {
+TEST(Bend, WindAgainstTheStrand) {
     // A straight strand turns within one plane; in any plane its angles to the wind equal the oracle's.
     for (const double off : {0.0, 1e-15, 1e-12, 1e-9, 1e-8, 1e-7}) {
         double angle = 0.0, length = 0.0;
@@ -133,7 +133,7 @@ TEST(Bend, wind_against_the_strand) {
     }
 }
 
-TEST(Bend, wind_against_curved_strands) {
+TEST(Bend, WindAgainstCurvedStrands) {
     // The tip is exactly upwind but the strand is curved: its own bend defines the axis, and f = 1 puts the
     // tip downwind.
     double length = 0.0, tip = 0.0;
@@ -149,7 +149,7 @@ TEST(Bend, wind_against_curved_strands) {
     row("wind against curved strands: root turns by pi", tip, 1e-5, "rad");
 }
 
-TEST(Bend, zero_wind) {
+TEST(Bend, ZeroWind) {
     long long moved = 0;
     for (const int which : {0, 1, 2}) {
         std::vector<Curve> rest = many(5, 64, 9, 1.0);
@@ -160,7 +160,7 @@ TEST(Bend, zero_wind) {
     none("zero wind: strands that moved", moved, "strands");
 }
 
-TEST(Bend, segments_of_no_length_tiny_and_huge) {
+TEST(Bend, SegmentsOfNoLengthTinyAndHuge) {
     Worst zero, tiny, huge, mixed;
     for (const float envelope : {0.3F, 1.0F}) {
         const Wind wind = wind_along(Vec3d(1, 0.2, -0.3).normalized());
@@ -190,7 +190,7 @@ TEST(Bend, segments_of_no_length_tiny_and_huge) {
     report_worst("segments of 1e-30 beside 1e12", mixed);
 }
 
-TEST(Bend, all_cvs_in_one_point) {
+TEST(Bend, AllCvsInOnePoint) {
     long long moved = 0;
     for (const double at : {0.0, 1.0, 1e7}) {
         std::vector<Curve> rest(20, Curve(7, Vec3d(at, -at, 0.5 * at)));
@@ -200,7 +200,7 @@ TEST(Bend, all_cvs_in_one_point) {
     none("all CVs in one point: strands that moved", moved, "strands");
 }
 
-TEST(Bend, two_and_a_thousand_cvs_near_and_far) {
+TEST(Bend, TwoAndAThousandCvsNearAndFar) {
     const Wind wind = wind_along(Vec3d(0.3, -0.5, 1).normalized());
     report_worst("n = 2", compare(wind, many(10, 64, 2, 1.0), 0.6F));
     report_worst("n = 1000", compare(wind, many(11, 16, 1000, 1.0), 0.002F));
@@ -211,7 +211,7 @@ TEST(Bend, two_and_a_thousand_cvs_near_and_far) {
     }
 }
 
-TEST(Bend, frames_far_from_the_shot) {
+TEST(Bend, FramesFarFromTheShot) {
     double length = 0.0;
     for (const NoiseType type : {NoiseType::perlin, NoiseType::billow, NoiseType::wavelet})
         for (const double frame : {-1e4, 1e6, 1e12, -1e30})

@@ -49,12 +49,12 @@ Verdict in_all_winds(const Scene& scene, const Vec3d& root, const Vec3d& up, int
     return all;
 }
 
-TEST(Collision, one_triangle) {
+TEST(Collision, OneTriangle) {
     const Scene scene({body_of({{Vec3d(-0.5, 0.3, -0.4), Vec3d(0.5, 0.35, -0.4), Vec3d(0, 0.3, 0.6)}})});
     report("one triangle", in_all_winds(scene, Vec3d::Zero(), y));
 }
 
-TEST(Collision, a_thin_shell_thinner_than_any_step) {
+TEST(Collision, AThinShellThinnerThanAnyStep) {
     std::vector<Triangle> shell = oracle::floor_mesh(-0.011, 2.0);
     for (const Triangle& t : oracle::floor_mesh(-0.011 - 1e-6, 2.0)) shell.push_back(flipped(t));
     for (const Triangle& t : oracle::floor_mesh(0.4, 0.35)) shell.push_back(t);
@@ -63,7 +63,7 @@ TEST(Collision, a_thin_shell_thinner_than_any_step) {
     report("thin shell (1e-6 m)", in_all_winds(scene, Vec3d::Zero(), y));
 }
 
-TEST(Collision, a_concave_wedge) {
+TEST(Collision, AConcaveWedge) {
     for (const double opening : {2.0, 0.3, 0.05}) { // radians
         const double c = std::cos(0.5 * opening), s = std::sin(0.5 * opening);
         const Vec3d left(-s, c, 0), right(s, c, 0), deep = 2.0 * z;
@@ -81,7 +81,7 @@ TEST(Collision, a_concave_wedge) {
     }
 }
 
-TEST(Collision, a_cone_tip) {
+TEST(Collision, AConeTip) {
     std::vector<Triangle> cone;
     constexpr int sides = 24;
     for (int i = 0; i < sides; ++i) {
@@ -98,7 +98,7 @@ TEST(Collision, a_cone_tip) {
     report("cone tip, blown onto it", in_all_winds(scene, Vec3d(-0.6, -0.4, 0.0), y));
 }
 
-TEST(Collision, vertices_and_edges_hit_dead_on) {
+TEST(Collision, VerticesAndEdgesHitDeadOn) {
     // A straight strand along y, blown to x: its segments turn in the plane z = 0, which contains the vertex
     // and the edges.
     const Triangle vertex{Vec3d(0.5, 0.2, 0), Vec3d(1.5, -0.5, 1), Vec3d(1.5, -0.5, -1)},
@@ -122,7 +122,7 @@ TEST(Collision, vertices_and_edges_hit_dead_on) {
     }
 }
 
-TEST(Collision, grazing_contact) {
+TEST(Collision, GrazingContact) {
     // A straight strand turns past a vertex, an edge and a face that are slightly within or beyond its reach.
     Verdict all;
     for (const double hair : {-1e-6, -1e-9, 0.0, 1e-9, 1e-6, 1e-4})
@@ -146,7 +146,7 @@ TEST(Collision, grazing_contact) {
     report("grazing contact", all);
 }
 
-TEST(Collision, open_and_non_manifold_meshes) {
+TEST(Collision, OpenAndNonManifoldMeshes) {
     // A fan of sheets around one edge, with gaps, and an open book.
     std::vector<Triangle> fan;
     for (int i = 0; i < 9; ++i) {
@@ -166,7 +166,7 @@ TEST(Collision, open_and_non_manifold_meshes) {
     report("open sheets that pass through each other", in_all_winds(open, Vec3d::Zero(), y));
 }
 
-TEST(Collision, degenerate_and_duplicate_triangles) {
+TEST(Collision, DegenerateAndDuplicateTriangles) {
     std::vector<Triangle> mesh = oracle::floor_mesh(-0.012, 2.0);
     const std::vector<Triangle> box = oracle::box_mesh({0.1, 0.2, -0.5}, {0.5, 0.6, 0.5});
     for (int i = 0; i < 3; ++i) mesh.insert(mesh.end(), box.begin(), box.end());
@@ -181,7 +181,7 @@ TEST(Collision, degenerate_and_duplicate_triangles) {
     report("degenerate and duplicate triangles", in_all_winds(scene, Vec3d::Zero(), y));
 }
 
-TEST(Collision, two_coincident_sheets_and_inconsistent_winding) {
+TEST(Collision, TwoCoincidentSheetsAndInconsistentWinding) {
     std::vector<Triangle> sheets = oracle::floor_mesh(-0.012, 2.0), up = oracle::floor_mesh(0.35, 0.6);
     for (const Triangle& t : oracle::floor_mesh(-0.012, 2.0)) sheets.push_back(flipped(t));
     for (const Triangle& t : up) {
@@ -203,7 +203,7 @@ TEST(Collision, two_coincident_sheets_and_inconsistent_winding) {
         in_all_winds(sphere, y * (1.0 + 0.05 * std::cos(10.0) * std::sin(0.0) + 0.012), y, 7, settings, 0.0));
 }
 
-TEST(Collision, roots_in_and_on_a_collider) {
+TEST(Collision, RootsInAndOnACollider) {
     const Scene scene({body_of(oracle::box_mesh({-0.5, -1.0, -0.5}, {0.5, 0.0, 0.5}))});
     const std::pair<const char*, Vec3d> cases[] = {{"root inside a collider", Vec3d(0.1, -0.5, 0.1)},
                                                    {"root exactly on a triangle", Vec3d(0.25, 0.0, 0.125)},
@@ -213,12 +213,12 @@ TEST(Collision, roots_in_and_on_a_collider) {
     for (const auto& [name, root] : cases) report(name, in_all_winds(scene, root, y, 7, {}, 0.0));
 }
 
-TEST(Collision, roots_hardly_above_a_collider) {
+TEST(Collision, RootsHardlyAboveACollider) {
     const Scene scene({body_of(oracle::box_mesh({-0.5, -1.0, -0.5}, {0.5, 0.0, 0.5}))});
     report("root 1e-5 above a triangle", in_all_winds(scene, Vec3d(0.25, 1e-5, 0.125), y, 7, {}, 0.0));
 }
 
-TEST(Collision, a_collider_that_moves_through_the_strands_within_the_shutter) {
+TEST(Collision, AColliderThatMovesThroughTheStrandsWithinTheShutter) {
     Body plate = body_of(oracle::box_mesh({-0.02, -0.5, -1.0}, {0.0, 1.5, 1.0}));
     constexpr int samples = 9;
     plate = moved(plate, 1.0, Vec3d(-0.5, 0, 0));
@@ -239,7 +239,7 @@ TEST(Collision, a_collider_that_moves_through_the_strands_within_the_shutter) {
     figure("collider moving through: a tip's jump between keys", jump, "of the length");
 }
 
-TEST(Collision, a_million_triangles) {
+TEST(Collision, AMillionTriangles) {
     const auto bumpy = [](const Vec3d& u) {
         return 1.0 + 0.02 * std::sin(31.0 * u.x()) * std::cos(29.0 * u.y()) * std::sin(33.0 * u.z() + 1.0);
     };
@@ -309,7 +309,7 @@ Verdict soup_of_strands(const Soup& soup, uint64_t seed) {
     return all;
 }
 
-TEST(Collision, random_soup) {
+TEST(Collision, RandomSoup) {
     const Soup soups[] = {
         {"soup, n = 2", 20, 2, 0.5, 0.01, 30, 0.5},
         {"soup, n = 8", 20, 8, 0.5, 0.01, 150, 0.2},
@@ -328,7 +328,7 @@ TEST(Collision, random_soup) {
     for (const Soup& soup : soups) report(soup.name, soup_of_strands(soup, seed++));
 }
 
-TEST(Collision, random_soup_far_away_and_of_any_size) {
+TEST(Collision, RandomSoupFarAwayAndOfAnySize) {
     const Soup soups[] = {
         {"soup 1e3 from the origin", 10, 8, 0.5, 0.02, 150, 0.2, false, 1e3},
         {"soup 1e5 from the origin", 10, 8, 0.5, 0.1, 150, 0.2, false, 1e5, 1.0, {}, true, true},
@@ -342,7 +342,7 @@ TEST(Collision, random_soup_far_away_and_of_any_size) {
     for (const Soup& soup : soups) report(soup.name, soup_of_strands(soup, seed++), soup.far_away);
 }
 
-TEST(Collision, strands_of_no_length_and_of_absurd_size) {
+TEST(Collision, StrandsOfNoLengthAndOfAbsurdSize) {
     const Vec3d low(-0.4, 0.3, -0.4);
     Verdict gaps, tiny, huge;
     const Scene scene({body_of(oracle::box_mesh(low, {0.4, 0.6, 0.4}))});
@@ -397,7 +397,7 @@ TEST(Collision, strands_of_no_length_and_of_absurd_size) {
     figure("collision of strands 1e6 ... 1e30 m long: crosses", double(huge.crossed), "segments");
 }
 
-TEST(Collision, strands_at_rest_in_still_air) {
+TEST(Collision, StrandsAtRestInStillAir) {
     // Targets equal to the start: nothing turns, except segments inside a collider, which are turned out.
     Verdict all;
     long long moved = 0;
@@ -426,7 +426,7 @@ TEST(Collision, strands_at_rest_in_still_air) {
     none("strands at rest with room around: moved", moved, "strands");
 }
 
-TEST(Collision, straight_strands_on_grids_and_axes) {
+TEST(Collision, StraightStrandsOnGridsAndAxes) {
     // All coordinates are binary fractions: closest points on edges, parallel edges, coplanar triangles,
     // segments along the axes.
     std::vector<Triangle> grid;
@@ -459,7 +459,7 @@ TEST(Collision, straight_strands_on_grids_and_axes) {
     report("everything on binary fractions", all);
 }
 
-TEST(Collision, fixed_steps_are_finite_and_keep_lengths) {
+TEST(Collision, FixedStepsAreFiniteAndKeepLengths) {
     Collision steps;
     steps.solver = Solver::steps;
     Draw draw(95);

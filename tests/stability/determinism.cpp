@@ -28,7 +28,7 @@ std::vector<size_t> shuffled(size_t count, uint64_t seed) {
     return order;
 }
 
-TEST(Determinism, patches_cut_and_ordered_in_any_way) {
+TEST(Determinism, PatchesCutAndOrderedInAnyWay) {
     const Coat coat(everything);
     ChainScratch scratch;
     const auto whole = coat.poses(coat.roots(), 512, scratch);
@@ -61,7 +61,7 @@ TEST(Determinism, patches_cut_and_ordered_in_any_way) {
     none("tessellated twice: other bits", again, "strands");
 }
 
-TEST(Determinism, after_other_frames_and_in_a_chain_made_anew) {
+TEST(Determinism, AfterOtherFramesAndInAChainMadeAnew) {
     ChainScratch fresh, used;
     const Coat coat(everything);
     const auto alone = coat.poses(coat.roots(), 512, fresh);
@@ -80,7 +80,7 @@ TEST(Determinism, after_other_frames_and_in_a_chain_made_anew) {
     none("frame 240 after others: other bits", differ, "strands");
 }
 
-TEST(Determinism, on_any_number_of_threads) {
+TEST(Determinism, OnAnyNumberOfThreads) {
     const Coat coat(everything);
     ChainScratch scratch;
     constexpr size_t batch = 32;
@@ -112,7 +112,7 @@ const std::string scene_text =
     "0.5]\n"
     "width = 0.02\n";
 
-TEST(Determinism, the_program_on_one_thread_and_on_many) {
+TEST(Determinism, TheProgramOnOneThreadAndOnMany) {
     const Folder folder;
     const std::string scene = folder.write("a.toml", scene_text);
     long long differ = 0;
@@ -132,7 +132,7 @@ TEST(Determinism, the_program_on_one_thread_and_on_many) {
     none("baked on 1, 2 and 7 threads: other bytes", differ, "files");
 }
 
-TEST(Determinism, frame_240_alone_and_after_1_to_239) {
+TEST(Determinism, Frame240AloneAndAfter1To239) {
     const Folder folder;
     const std::string scene = folder.write("a.toml", scene_text);
     EXPECT_DONE(

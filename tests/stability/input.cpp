@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // NaN and infinity anywhere in the input: the program reports the place, exits with 2 and writes nothing. The
 // parameters are queried from the procedural, so new ones are covered automatically.
-#include "procedural/groom/groom_settings.h"
+#include "procedural/strands/groom_settings.h"
 #include "procedural/wind/wind.h"
 #include "tests/stability/table.h"
 #include "tests/unit/cli/program.h"
@@ -91,7 +91,7 @@ const std::string groom_head = "[[procedural]]\nname = \"grass\"\ntype = \"groom
 const std::string groom_rest = "count = 300\ncvs = 5\nlength = [0.3, 0.5]\nwidth = 0.02\n";
 const std::string plain_wind = "[wind]\nspeed = 6\n";
 
-TEST(Input, not_a_number_in_any_parameter_of_the_wind) {
+TEST(Input, NotANumberInAnyParameterOfTheWind) {
     int tried = 0, passed = 0;
     for (const std::string bad : bad_numbers) {
         std::vector<Line> lines, control;
@@ -116,7 +116,7 @@ TEST(Input, not_a_number_in_any_parameter_of_the_wind) {
     none("NaN and infinity in the wind: not refused", passed, "values");
 }
 
-TEST(Input, not_a_number_in_any_parameter_of_a_groom) {
+TEST(Input, NotANumberInAnyParameterOfAGroom) {
     int tried = 0, passed = 0;
     for (const std::string bad : bad_numbers) {
         std::vector<Line> lines;
@@ -152,7 +152,7 @@ std::string companion(const std::string& name) {
     return "";
 }
 
-TEST(Input, one_bad_number_alone_is_refused) {
+TEST(Input, OneBadNumberAloneIsRefused) {
     // In the tests above, one error could hide that another is only its consequence.
     std::vector<Bad> scenes;
     for (const MarramParam& param : wind_params()) {
@@ -168,7 +168,7 @@ TEST(Input, one_bad_number_alone_is_refused) {
     none("one NaN alone in the wind: not refused", passed, "values");
 }
 
-TEST(Input, not_a_number_elsewhere) {
+TEST(Input, NotANumberElsewhere) {
     int passed = 0;
     for (const std::string bad : bad_numbers) {
         passed +=
@@ -191,7 +191,7 @@ TEST(Input, not_a_number_elsewhere) {
     none("NaN and infinity in camera and meshes: not refused", passed, "values");
 }
 
-TEST(Input, not_a_number_in_the_corners_of_a_mesh) {
+TEST(Input, NotANumberInTheCornersOfAMesh) {
     int passed = 0;
     for (const std::string bad : {"nan", "inf", "-inf", "1e39"}) {
         const Folder folder;

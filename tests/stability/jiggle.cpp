@@ -92,7 +92,7 @@ Motion swaying(uint64_t seed, int cvs, const Vec3d& root = Vec3d::Zero(), double
     };
 }
 
-TEST(Jiggle, damping_of_0_1_and_50) {
+TEST(Jiggle, DampingOf01And50) {
     for (const double zeta : {0.0, 1e-3, 1.0, 50.0}) {
         // Damping 50 has a long memory: the time constant of its slow pole is 100 / omega.
         const Jiggle jiggle = jiggle_of(zeta, 90.0);
@@ -115,7 +115,7 @@ TEST(Jiggle, damping_of_0_1_and_50) {
     }
 }
 
-TEST(Jiggle, frames_far_from_the_shot) {
+TEST(Jiggle, FramesFarFromTheShot) {
     // The same motion, with a period of 2.4e5 frames, at frames 0, -1e4 and 1e6: equal results up to the
     // rounding of time.
     double worst = 0.0;
@@ -136,7 +136,7 @@ TEST(Jiggle, frames_far_from_the_shot) {
     row("jiggle at frames -1e4 and 1e6 as at 0", worst, 1e-5, "of the length");
 }
 
-TEST(Jiggle, a_constant_target) {
+TEST(Jiggle, AConstantTarget) {
     long long moved = 0;
     for (const double zeta : {0.0, 0.3, 1.0, 50.0})
         for (const double far : {0.0, 1e7}) {
@@ -148,7 +148,7 @@ TEST(Jiggle, a_constant_target) {
     none("jiggle of a constant target: other bits", moved, "strands");
 }
 
-TEST(Jiggle, strands_of_no_length_and_of_absurd_size) {
+TEST(Jiggle, StrandsOfNoLengthAndOfAbsurdSize) {
     long long not_finite = 0;
     double length = 0.0;
     for (const double zeta : {0.0, 0.3, 50.0})
@@ -188,7 +188,7 @@ TEST(Jiggle, strands_of_no_length_and_of_absurd_size) {
     row("jiggle of a strand that turns over at once: lengths", folded, 1.0, "of allowed");
 }
 
-TEST(Jiggle, other_motion_samples_give_the_same_bits) {
+TEST(Jiggle, OtherMotionSamplesGiveTheSameBits) {
     long long differ = 0;
     for (const double zeta : {0.0, 0.2, 1.0, 50.0}) {
         const Jiggle jiggle = jiggle_of(zeta, zeta == 0.0 ? std::optional(90.0) : std::nullopt);
@@ -207,7 +207,7 @@ TEST(Jiggle, other_motion_samples_give_the_same_bits) {
     figure("jiggle with other motion samples: other bits", double(differ), "of 36 strands");
 }
 
-TEST(Jiggle, other_motion_samples_give_the_same_pose) {
+TEST(Jiggle, OtherMotionSamplesGiveTheSamePose) {
     double worst = 0.0;
     for (const double zeta : {0.0, 0.2, 1.0, 50.0}) {
         const Jiggle jiggle = jiggle_of(zeta, zeta == 0.0 ? std::optional(90.0) : std::nullopt);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Noise at lattice points and far away; gusts with zero size or life.
-#include "procedural/wind/noise.h"
+#include "procedural/noise/noise.h"
 #include "procedural/wind/gusts.h"
 #include "tests/oracle/noise.h"
 #include "tests/stability/scene.h"
@@ -33,7 +33,7 @@ std::vector<Vec3d> noise_at(const FractalNoise& noise, const std::vector<Vec3d>&
 
 constexpr NoiseType types[] = {NoiseType::perlin, NoiseType::billow, NoiseType::wavelet};
 
-TEST(Noise, at_lattice_points) {
+TEST(Noise, AtLatticePoints) {
     Draw draw(1);
     std::vector<Vec3d> lattice;
     for (int i = 0; i < 4096; ++i)
@@ -59,7 +59,7 @@ TEST(Noise, at_lattice_points) {
     row("noise: jump over 1e-6 cells at a lattice point", jump, 3e-5, "1");
 }
 
-TEST(Noise, a_million_cells_away) {
+TEST(Noise, AMillionCellsAway) {
     for (const double far : {1e6, 1e7}) {
         Draw draw(2);
         std::vector<Vec3d> points;
@@ -83,7 +83,7 @@ TEST(Noise, a_million_cells_away) {
     }
 }
 
-TEST(Noise, coordinates_beyond_all_measure) {
+TEST(Noise, CoordinatesBeyondAllMeasure) {
     double largest = 0.0;
     std::vector<Vec3d> points;
     for (const double far :
@@ -140,7 +140,7 @@ std::vector<double> sums(const Gusts& gusts, double frame, double size = 3.0) {
     return all;
 }
 
-TEST(Gusts, without_radius_or_life) {
+TEST(Gusts, WithoutRadiusOrLife) {
     double felt = 0.0;
     for (const double frame : {-1e4, 0.0, 7.3, 25.0, 240.0, 1e6})
         for (const double v : sums(gusts_of({0, 0}, {30, 30}, {5, 5}), frame))
@@ -153,7 +153,7 @@ TEST(Gusts, without_radius_or_life) {
     row("gusts of life 0: influence", felt, 0.0, "1");
 }
 
-TEST(Gusts, that_decay_longer_than_they_live_do_not_pop) {
+TEST(Gusts, ThatDecayLongerThanTheyLiveDoNotPop) {
     for (const Vec2d& decay : {Vec2d(100, 100), Vec2d(0, 0), Vec2d(1e-30, 1e-30)}) {
         const Gusts gusts = gusts_of({1, 3}, {20, 30}, decay);
         double jump = 0.0, most = 0.0;
@@ -180,7 +180,7 @@ TEST(Gusts, that_decay_longer_than_they_live_do_not_pop) {
     }
 }
 
-TEST(Gusts, of_absurd_size_speed_and_time) {
+TEST(Gusts, OfAbsurdSizeSpeedAndTime) {
     double least = 0.0;
     bool finite = true;
     for (const double size : {1e-30, 1e-9, 1e9, 1e30})

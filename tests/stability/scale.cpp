@@ -45,7 +45,7 @@ double deviation(const Curve& a, const Curve& b) {
     return worst / 0.2; // of the length
 }
 
-TEST(Scale, powers_of_two_give_the_same_bits) {
+TEST(Scale, PowersOfTwoGiveTheSameBits) {
     const Solved one = solved({});
     for (const int power : {-30, -13, 17, 30}) {
         const Solved other = solved({.size = std::exp2(power)});
@@ -64,7 +64,7 @@ TEST(Scale, powers_of_two_give_the_same_bits) {
     }
 }
 
-TEST(Scale, other_sizes_scale_along) {
+TEST(Scale, OtherSizesScaleAlong) {
     const Solved one = solved({});
     none("the chain at size 1: crosses a triangle", one.crossed, "segments");
     none("the chain at size 1: unresolved", (long long)one.counts.unresolved, "segments");
@@ -91,7 +91,7 @@ TEST(Scale, other_sizes_scale_along) {
     }
 }
 
-TEST(Scale, far_from_the_origin) {
+TEST(Scale, FarFromTheOrigin) {
     const Solved one = solved({});
     for (const double far : {1e2, 1e3, 1e4, 1e5, 1e6, 1e7}) {
         const Solved other = solved({.place = far * Vec3d(1, -0.7, 0.4)});

@@ -52,7 +52,7 @@ IntervalError interval_error(const Triangle& t, double clearance) {
 
 // contact.cpp, end_touches(): the window of turns beside the edge is the whole circle, cut at an arbitrary
 // turn. If that turn was blocked, both searches stopped there at once, and the interval was that one turn.
-TEST(SmallestCases, an_edge_that_the_end_is_beside_all_the_way_round) {
+TEST(SmallestCases, AnEdgeThatTheEndIsBesideAllTheWayRound) {
     // An edge across the plane, beyond the segment's reach but within its clearance, just before half a turn.
     const Vec3d on = 1.1 * Vec3d(std::cos(3.1), std::sin(3.1), 0), out = 2.0 * on;
     const Triangle t{on + Vec3d(0, 0, 5), on - Vec3d(0, 0, 5), out};
@@ -77,7 +77,7 @@ TEST(SmallestCases, an_edge_that_the_end_is_beside_all_the_way_round) {
 }
 
 // The same function: a window that is blocked at both ends and free in the middle.
-TEST(SmallestCases, an_edge_whose_window_is_blocked_at_both_ends) {
+TEST(SmallestCases, AnEdgeWhoseWindowIsBlockedAtBothEnds) {
     const Triangle t{{-1.3015711227112228, 2.7299429154451134, 0.93040389922075373},
                      {-1.2260416161781702, 2.4624718412926621, 1.6635041327451703},
                      {-1.8087500197757898, 2.7702218843802324, 1.4106442722432093}};
@@ -87,7 +87,7 @@ TEST(SmallestCases, an_edge_whose_window_is_blocked_at_both_ends) {
 
 // contact.cpp, first_root(): 200 steps of a parabola with the circle's curvature were not enough if the edge
 // runs along the circle: the search stopped short.
-TEST(SmallestCases, an_edge_that_runs_along_the_circle) {
+TEST(SmallestCases, AnEdgeThatRunsAlongTheCircle) {
     const Triangle t{{0.9646434174128764, 0.32025752410550945, 0.00063173533663201005},
                      {0.78864522839470164, 0.6419663456204987, -0.00063173419275642378},
                      {1.0373818644638396, 0.56932647808314085, 4.9412344795690677e-08}};
@@ -98,7 +98,7 @@ TEST(SmallestCases, an_edge_that_runs_along_the_circle) {
 // turn.cpp, turn_out_in_plane(): the sweep of an unverified pivot returned at once, without a contact, if a
 // triangle was closer to the pivot than 1.1 clearances. not_clear was ignored, so the part that was not swept
 // counted as free.
-TEST(SmallestCases, turning_out_of_a_collider_from_a_doubted_pivot) {
+TEST(SmallestCases, TurningOutOfAColliderFromADoubtedPivot) {
     const Segment segment{{0.028476134609573257, -0.005795822719368543, 0.00077632372380043841},
                           {-0.5300602429009742, -0.6053849936075919, 0.59375512495514182},
                           {0.66117129214778592, 0.74004348247382912, -0.12324027948537998},
@@ -135,7 +135,7 @@ TEST(SmallestCases, turning_out_of_a_collider_from_a_doubted_pivot) {
 // turn.cpp, arc_of(): for nearly equal directions the cross product has a relative error of 1e-16 / sine, so
 // the plane's normal was not perpendicular to `from`, and gather() rejects triangles by their height above
 // that plane.
-TEST(SmallestCases, the_plane_of_a_turn_that_is_hardly_one) {
+TEST(SmallestCases, ThePlaneOfATurnThatIsHardlyOne) {
     double worst = 0.0;
     long long crossed = 0;
     Draw draw(31);
@@ -164,7 +164,7 @@ TEST(SmallestCases, the_plane_of_a_turn_that_is_hardly_one) {
 
 // collide.cpp, advance(): a target was accepted if it was within 1e-5 lengths + 2^-22 of the largest
 // coordinate of the end, which is up to four ulps; accuracy.md allows two.
-TEST(SmallestCases, lengths_where_targets_are_taken_over) {
+TEST(SmallestCases, LengthsWhereTargetsAreTakenOver) {
     double worst = 0.0;
     for (const double far : {60.0, 100.0, 120.0, 200.0}) {
         const Coat coat({.place = far * Vec3d(1, -0.7, 0.4), .offset_scale = 0.4});
@@ -180,7 +180,7 @@ TEST(SmallestCases, lengths_where_targets_are_taken_over) {
 // not even in open air: every segment was unresolved and the strand stayed at rest in the wind. By default
 // the clearance is the greater of the radius and L / 800; the rounding is 2^-23 of the distance from the
 // origin.
-TEST(SmallestCases, fur_bends_a_kilometre_from_the_origin) {
+TEST(SmallestCases, FurBendsAKilometreFromTheOrigin) {
     // Strands 0.15 ... 0.25 m long; the float resolution is 0.06 mm here.
     for (const double hair : {0.1, 1.0})
         for (const double far : {300.0, 1e3}) {

@@ -395,25 +395,25 @@ void fuzz_first(Kind kind) {
     none(std::string("first contact, ") + kind_names[int(kind)] + ": wrong ones", wrong, "problems");
 }
 
-TEST(FirstBlocked, soup) { fuzz_first(Kind::soup); }
-TEST(FirstBlocked, spikes) { fuzz_first(Kind::spikes); }
-TEST(FirstBlocked, slivers) { fuzz_first(Kind::slivers); }
-TEST(FirstBlocked, fans) { fuzz_first(Kind::fan); }
-TEST(FirstBlocked, sheets_in_the_plane_of_the_turn) { fuzz_first(Kind::sheets); }
-TEST(FirstBlocked, features_dead_on_the_circle_of_the_end) { fuzz_first(Kind::dead_on); }
+TEST(FirstBlocked, Soup) { fuzz_first(Kind::soup); }
+TEST(FirstBlocked, Spikes) { fuzz_first(Kind::spikes); }
+TEST(FirstBlocked, Slivers) { fuzz_first(Kind::slivers); }
+TEST(FirstBlocked, Fans) { fuzz_first(Kind::fan); }
+TEST(FirstBlocked, SheetsInThePlaneOfTheTurn) { fuzz_first(Kind::sheets); }
+TEST(FirstBlocked, FeaturesDeadOnTheCircleOfTheEnd) { fuzz_first(Kind::dead_on); }
 
-TEST(BlockedTurns, soup) { fuzz_interval(Kind::soup); }
-TEST(BlockedTurns, spikes) { fuzz_interval(Kind::spikes); }
-TEST(BlockedTurns, slivers) { fuzz_interval(Kind::slivers); }
-TEST(BlockedTurns, sheets_in_the_plane_of_the_turn) { fuzz_interval(Kind::sheets); }
-TEST(BlockedTurns, features_dead_on_the_circle_of_the_end) { fuzz_interval(Kind::dead_on); }
+TEST(BlockedTurns, Soup) { fuzz_interval(Kind::soup); }
+TEST(BlockedTurns, Spikes) { fuzz_interval(Kind::spikes); }
+TEST(BlockedTurns, Slivers) { fuzz_interval(Kind::slivers); }
+TEST(BlockedTurns, SheetsInThePlaneOfTheTurn) { fuzz_interval(Kind::sheets); }
+TEST(BlockedTurns, FeaturesDeadOnTheCircleOfTheEnd) { fuzz_interval(Kind::dead_on); }
 
-TEST(TurnFuzz, soup) { fuzz(Kind::soup); }
-TEST(TurnFuzz, spikes) { fuzz(Kind::spikes); }
-TEST(TurnFuzz, slivers) { fuzz(Kind::slivers); }
-TEST(TurnFuzz, fans) { fuzz(Kind::fan); }
-TEST(TurnFuzz, sheets_in_the_plane_of_the_turn) { fuzz(Kind::sheets); }
-TEST(TurnFuzz, features_dead_on_the_circle_of_the_end) { fuzz(Kind::dead_on); }
+TEST(TurnFuzz, Soup) { fuzz(Kind::soup); }
+TEST(TurnFuzz, Spikes) { fuzz(Kind::spikes); }
+TEST(TurnFuzz, Slivers) { fuzz(Kind::slivers); }
+TEST(TurnFuzz, Fans) { fuzz(Kind::fan); }
+TEST(TurnFuzz, SheetsInThePlaneOfTheTurn) { fuzz(Kind::sheets); }
+TEST(TurnFuzz, FeaturesDeadOnTheCircleOfTheEnd) { fuzz(Kind::dead_on); }
 
 } // namespace
 } // namespace marram::stability

@@ -29,7 +29,7 @@
 // Cost: 1 ns a cell to find steep quads (one core); 8 ns a sweep and cell of awake tiles.
 #include "procedural/terrain/solver/avalanche.h"
 
-#include "procedural/parallel.h"
+#include "procedural/abi/parallel.h"
 #include "procedural/terrain/fields.h"
 
 #include <algorithm>

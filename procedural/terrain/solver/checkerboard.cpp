@@ -18,7 +18,7 @@
 #include "procedural/terrain/solver/checkerboard.h"
 
 #include "core/math/simd.h"
-#include "procedural/parallel.h"
+#include "procedural/abi/parallel.h"
 
 #include <tbb/enumerable_thread_specific.h>
 

@@ -2,7 +2,7 @@
 #include "procedural/terrain/solver/downwind_rays.h"
 
 #include "core/math/vec.h"
-#include "procedural/parallel.h"
+#include "procedural/abi/parallel.h"
 
 #include <algorithm>
 #include <cmath>

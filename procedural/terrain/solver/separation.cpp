@@ -36,7 +36,7 @@
 // 4 bytes a cell, 8 with convergence (more for oblique winds over non-periodic ground).
 #include "procedural/terrain/solver/separation.h"
 
-#include "procedural/parallel.h"
+#include "procedural/abi/parallel.h"
 
 #include <tbb/enumerable_thread_specific.h>
 

@@ -36,7 +36,7 @@
 #include "procedural/terrain/solver/shear.h"
 
 #include "core/math/vec.h"
-#include "procedural/parallel.h"
+#include "procedural/abi/parallel.h"
 
 #include <tbb/enumerable_thread_specific.h>
 

@@ -63,7 +63,7 @@
 #include "procedural/terrain/solver/solver.h"
 
 #include "core/math/clock.h"
-#include "procedural/parallel.h"
+#include "procedural/abi/parallel.h"
 #include "procedural/terrain/solver/checkerboard.h"
 
 #include <algorithm>

@@ -65,7 +65,7 @@
 // Cost: 5 ns a cell for q_sat, 6 ns for the march (one core).
 #include "procedural/terrain/solver/transport.h"
 
-#include "procedural/parallel.h"
+#include "procedural/abi/parallel.h"
 
 #include <tbb/enumerable_thread_specific.h>
 

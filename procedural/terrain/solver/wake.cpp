@@ -18,7 +18,7 @@
 // if plants grow, and more for oblique winds over open ground. Deficits below 1/10,000 are cut to 0.
 #include "procedural/terrain/solver/wake.h"
 
-#include "procedural/parallel.h"
+#include "procedural/abi/parallel.h"
 
 #include <tbb/enumerable_thread_specific.h>
 

@@ -2,8 +2,8 @@
 // `marram bake`: files depend only on scene and frame, and strands keep their lengths in any wind.
 #include "program.h"
 
-#include "core/geometry/strand_file.h"
 #include "core/image/picture.h"
+#include "core/read/strand_file.h"
 #include "core/shot/height_sequence.h"
 #include "tests/whole.h"
 
@@ -135,7 +135,8 @@ TEST_P(StrandSize, KeepsLengthsInAnyWind) {
     const Folder folder;
     const std::string scene = folder.write(
         "a.toml",
-        SceneText{.wind = "speed = 1\nresponse = [[0, 0], [10, 1], [1e5, 1]]\nglobal_rotate = 1\nramp_rotate = [[0, 1], [1, 1]]\nnoise = { amplitude = 1e3, "
+        SceneText{.wind = "speed = 1\nresponse = [[0, 0], [10, 1], [1e5, 1]]\nglobal_rotate = 1\nramp_rotate "
+                          "= [[0, 1], [1, 1]]\nnoise = { amplitude = 1e3, "
                           "frequency = 3, octaves = 3 }\n",
                   .groom = fmt::format("count = {}\ncvs = {}\nlength = [0.1, 0.6]\nwidth = 0.01\narc = 90\n",
                                        count, cvs)});

@@ -103,7 +103,7 @@ struct Pair {
 } // namespace
 
 // A script added to a copy of the page uses its buttons, slider and pictures.
-TEST(ComparePage, stands_alone_and_works_in_a_browser) {
+TEST(ComparePage, StandsAloneAndWorksInABrowser) {
     const Folder folder;
     const std::string scene = folder.write(
         "a.toml", SceneText{.film = "size = [96, 64]\nsamples = 2\nmax_depth = 3\n",
@@ -180,7 +180,7 @@ TEST(ComparePage, stands_alone_and_works_in_a_browser) {
 )");
 }
 
-TEST(ComparePage, shows_dim_pictures_at_any_exposure) {
+TEST(ComparePage, ShowsDimPicturesAtAnyExposure) {
     NEEDS_BROWSER();
     const Folder folder;
     Pair pictures(60, 40, 1e-3F);
@@ -212,7 +212,7 @@ TEST(ComparePage, shows_dim_pictures_at_any_exposure) {
 }
 
 // FLIP is greatest at (48, 4), where noise explains the difference.
-TEST(ComparePage, frames_what_noise_cannot_explain) {
+TEST(ComparePage, FramesWhatNoiseCannotExplain) {
     NEEDS_BROWSER();
     const Folder folder;
     Pair pictures(64, 40, 0.5F);
@@ -238,7 +238,7 @@ TEST(ComparePage, frames_what_noise_cannot_explain) {
 )");
 }
 
-TEST(ComparePage, shows_the_smallest_square_that_fails) {
+TEST(ComparePage, ShowsTheSmallestSquareThatFails) {
     const auto scale = [](int size, double worst) { return ScaleResult{size, worst, 5.0, size, 0, 1}; };
     const auto shown = [](const std::vector<ScaleResult>& scales) {
         const ScaleResult* square = page::failing_square(scales);
@@ -257,7 +257,7 @@ TEST(ComparePage, shows_the_smallest_square_that_fails) {
     EXPECT_EQ(around.y, 840);
 }
 
-TEST(ComparePage, fits_the_window) {
+TEST(ComparePage, FitsTheWindow) {
     NEEDS_BROWSER();
     const Folder folder;
     Pair tall(1, 3000, 0.2F);

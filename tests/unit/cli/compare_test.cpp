@@ -21,7 +21,7 @@ ProgramResult rendered(const Folder& folder, const std::string& scene, const std
 
 } // namespace
 
-TEST(Compare, tells_noise_from_change) {
+TEST(Compare, TellsNoiseFromChange) {
     const Folder folder;
     const std::string scene = folder.write(
         "a.toml", SceneText{.film = "size = [96, 64]\nsamples = 2\nmax_depth = 3\n",
@@ -43,7 +43,7 @@ TEST(Compare, tells_noise_from_change) {
 }
 
 // Two pictures of noise alone: the exit code is that of pictures that cannot be compared.
-TEST(Compare, noise_that_hides_everything_is_not_alike) {
+TEST(Compare, NoiseThatHidesEverythingIsNotAlike) {
     const Folder folder;
     const std::vector<float> variance(size_t(3 * 48 * 32), 0.04F);
     for (const char* name : {"a.exr", "b.exr"}) {
@@ -62,7 +62,7 @@ TEST(Compare, noise_that_hides_everything_is_not_alike) {
     EXPECT_CONTAINS(done.out, "\nfound from ");
 }
 
-TEST(Compare, refuses_what_it_cannot_compare) {
+TEST(Compare, RefusesWhatItCannotCompare) {
     const Folder folder;
     const std::string scene = folder.write("a.toml", SceneText{});
     for (const auto& [name, size] : {std::pair("a.png", "24x16"), {"b.png", "16x24"}})
@@ -93,7 +93,7 @@ TEST(Compare, refuses_what_it_cannot_compare) {
 }
 
 // Reports how files were decoded unless both are plain linear light.
-TEST(Compare, says_how_files_were_read) {
+TEST(Compare, SaysHowFilesWereRead) {
     const Folder folder;
     std::vector<float> rgb;
     for (int i = 0; i < 24 * 16; ++i) rgb.insert(rgb.end(), 3, 0.1F + 0.002F * float(i));
@@ -109,7 +109,7 @@ TEST(Compare, says_how_files_were_read) {
     EXPECT_EQ(linear.out.find("read as"), std::string::npos) << linear.out;
 }
 
-TEST(Compare, a_golden_frame_is_the_reference_wherever_it_stands) {
+TEST(Compare, AGoldenFrameIsTheReferenceWhereverItStands) {
     const Folder folder;
     const std::string golden = MARRAM_SOURCE_DIR "/scenes/golden/room.exr";
     const Image image = read_image(golden);
@@ -130,7 +130,7 @@ TEST(Compare, a_golden_frame_is_the_reference_wherever_it_stands) {
 }
 
 // The page replaces no picture, under any name; its folder must exist.
-TEST(Compare, the_report_overwrites_no_picture) {
+TEST(Compare, TheReportOverwritesNoPicture) {
     const Folder folder;
     const std::vector<float> rgb(24 * 16 * 3, 0.5F);
     const auto page = [&](const std::string& name) { return folder / (name + "/compare.html"); };
@@ -156,7 +156,7 @@ TEST(Compare, the_report_overwrites_no_picture) {
 }
 
 // With little memory the message names what did not fit, and does not speak of a scene.
-TEST(Compare, what_does_not_fit_is_named) {
+TEST(Compare, WhatDoesNotFitIsNamed) {
 #ifdef __SANITIZE_ADDRESS__
     GTEST_SKIP() << "its own memory is beyond any limit";
 #endif

@@ -36,7 +36,7 @@ std::vector<float> alpha_of(const std::string& path) {
 
 } // namespace
 
-TEST(Deform, is_blurred_as_the_mean_of_its_instants) {
+TEST(Deform, IsBlurredAsTheMeanOfItsInstants) {
     const Folder folder;
     write_square(folder, "square.0001.obj", 0.5);
     write_square(folder, "square.0002.obj", 1.5);
@@ -67,7 +67,7 @@ TEST(Deform, is_blurred_as_the_mean_of_its_instants) {
 }
 
 // Implausible sides of a mesh are one line each, with count, place and remedy; strands then grow outwards.
-TEST(Deform, sides_that_cannot_be_meant_are_warnings) {
+TEST(Deform, SidesThatCannotBeMeantAreWarnings) {
     const Folder folder;
     const std::string corners = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 1\nv 1 0 1\nv 1 1 1\nv 0 1 1\n";
     folder.write("inwards.obj",
@@ -114,7 +114,7 @@ TEST(Deform, sides_that_cannot_be_meant_are_warnings) {
 }
 
 // Polygons that a later frame winds the other way, or that are concave in it, are those of the first frame.
-TEST(Deform, triangles_wound_badly_in_a_later_frame_are_mended) {
+TEST(Deform, TrianglesWoundBadlyInALaterFrameAreMended) {
     const Folder folder;
     const std::string scene = folder.write("a.toml", scene_text);
     const auto square_with = [](const std::string& faces) {
@@ -127,7 +127,8 @@ TEST(Deform, triangles_wound_badly_in_a_later_frame_are_mended) {
         EXPECT_DONE(marram({"render", scene, "-o", folder / "a.exr", "--quiet", "--spp", "1"}));
     }
     folder.write("square.0001.obj", square_with("f 1 2 3 4\n"));
-    folder.write("square.0002.obj", "v -0.5 0 0\nv -0.2 0.6 0\nv 0.5 1 0\nv -0.5 1 0\nf 1 2 3 4\n"); // concave
+    folder.write("square.0002.obj",
+                 "v -0.5 0 0\nv -0.2 0.6 0\nv 0.5 1 0\nv -0.5 1 0\nf 1 2 3 4\n"); // concave
     EXPECT_DONE(marram({"render", scene, "-o", folder / "a.exr", "--quiet", "--spp", "1"}));
     folder.write("square.0002.obj", square_with("f 1 2 3\nf 1 2 4\n"));
     const ProgramResult other = marram({"render", scene, "-o", folder / "a.exr", "--quiet", "--spp", "1"});
@@ -135,7 +136,7 @@ TEST(Deform, triangles_wound_badly_in_a_later_frame_are_mended) {
     EXPECT_CONTAINS(other.err, "square.0002.obj: its triangles join other vertices than those of '");
 }
 
-TEST(Deform, carries_its_strands) {
+TEST(Deform, CarriesItsStrands) {
     const Folder folder;
     write_square(folder, "square.0001.obj", 0.5);
     write_square(folder, "square.0002.obj", 1.5);
@@ -159,7 +160,7 @@ TEST(Deform, carries_its_strands) {
     }
 }
 
-TEST(Deform, files_that_do_not_fit_are_refused) {
+TEST(Deform, FilesThatDoNotFitAreRefused) {
     const Folder folder;
     write_square(folder, "square.0001.obj", 0.5);
     const std::string scene = folder.write("a.toml", scene_text);

@@ -68,7 +68,7 @@ arc = 40
 
 } // namespace
 
-TEST(Furnace, white_strands_are_not_seen) {
+TEST(Furnace, WhiteStrandsAreNotSeen) {
     const std::vector<std::pair<const char*, const char*>> materials = {
         {"diffuse", "type = \"diffuse\"\ncolor = [1, 1, 1]"},
         {"diffuse, through", "type = \"diffuse\"\ncolor = [0.5, 0.5, 0.5]\ntransmission = [0.5, 0.5, 0.5]"},
@@ -94,7 +94,7 @@ TEST(Furnace, white_strands_are_not_seen) {
 }
 
 // A strand's straight pieces are capped by spheres at its ends; seen from its tip, a strand is mostly these.
-TEST(Furnace, a_white_strands_ends_are_not_seen) {
+TEST(Furnace, AWhiteStrandsEndsAreNotSeen) {
     const Folder folder;
     const std::string scene = folder.write("a.toml", white_sky + R"(
 [camera]

@@ -50,7 +50,7 @@ const SceneText windy = {
     .groom = "count = 100\ncvs = 5\nlength = [0.3, 0.5]\nwidth = 0.02\n",
     .more = "[[mesh]]\nname = \"stone\"\ntype = \"sphere\"\nradius = 0.4\ndivisions = 8\n"};
 
-TEST(Measure, turns_every_dial_of_a_scene) {
+TEST(Measure, TurnsEveryDialOfAScene) {
     const Folder folder;
     const std::string scene = folder.write("a.toml", windy);
     const ProgramResult done =
@@ -113,7 +113,7 @@ TEST(Measure, turns_every_dial_of_a_scene) {
     EXPECT_EQ(page.find("http"), page.find("http://www.w3.org/2000/svg")) << "nothing is fetched";
 }
 
-TEST(Measure, says_what_the_tolerance_chose_and_how_well_it_holds) {
+TEST(Measure, SaysWhatTheToleranceChoseAndHowWellItHolds) {
     const Folder folder;
     SceneText blown = windy;
     blown.wind = "speed = 6\nglobal_rotate = 1\nnoise = { amplitude = 2, frequency = 1 }\n";
@@ -135,7 +135,7 @@ TEST(Measure, says_what_the_tolerance_chose_and_how_well_it_holds) {
 }
 
 // A desert without strands: its cells, a layer's own dials, and the mesh that the camera sees.
-TEST(Measure, turns_the_dials_of_a_terrain) {
+TEST(Measure, TurnsTheDialsOfATerrain) {
     const Folder folder;
     const std::string scene = folder.write("a.toml", R"(tolerance_pixels = 1
 [camera]
@@ -232,7 +232,7 @@ start = 0
 )";
 
 // A simulation starts anew for each setting and round.
-TEST(Measure, turns_the_dials_of_a_dune_solver) {
+TEST(Measure, TurnsTheDialsOfADuneSolver) {
     const Folder folder;
     const std::string scene = folder.write("a.toml", small_dunes);
     const ProgramResult done =
@@ -267,7 +267,7 @@ void expect_no_time(const DialResult& result, size_t setting) {
     EXPECT_EQ(result.settings[setting].rounds, 0);
 }
 
-TEST(Measure, reports_that_there_was_no_time_at_all) {
+TEST(Measure, ReportsThatThereWasNoTimeAtAll) {
     const Folder folder;
     const std::atomic<bool> go{false}, stop{true};
     MeasureProgress none(0.0);
@@ -298,7 +298,7 @@ class TimeUntil : public MeasureProgress {
 };
 
 // The finest cells come last. Their simulation takes a hundred times as long as it takes to tell it to stop.
-TEST(Measure, stops_a_simulation_when_its_time_is_over) {
+TEST(Measure, StopsASimulationWhenItsTimeIsOver) {
     const Folder folder;
     const std::atomic<bool> go{false};
     TimeUntil finest("cell: 0.125");
@@ -331,7 +331,7 @@ TEST(Measure, stops_a_simulation_when_its_time_is_over) {
 }
 
 // The wear of a rock has no heights, unlike a terrain beside it: its attribute is compared.
-TEST(Measure, turns_the_paths_of_a_rock) {
+TEST(Measure, TurnsThePathsOfARock) {
     const Folder folder;
     const std::string scene = folder.write("a.toml", std::string(small_picture) + R"([[mesh]]
 name = "block"
@@ -366,7 +366,7 @@ type = "noise"
 
 // Levels of erosion have different meshes: their distances are compared. A coarse level is the fine one,
 // smoothed.
-TEST(Measure, turns_the_levels_of_a_rock) {
+TEST(Measure, TurnsTheLevelsOfARock) {
     const Folder folder;
     const std::string scene = folder.write("a.toml", std::string(small_picture) + R"([[mesh]]
 name = "block"
@@ -397,7 +397,7 @@ years = 20
     EXPECT_LT(number(rows[0], "ratio"), 1.0) << done.out;
 }
 
-TEST(Measure, says_what_it_leaves_out) {
+TEST(Measure, SaysWhatItLeavesOut) {
     const Folder folder;
     const std::string scene = folder.write("a.toml", SceneText{});
     const ProgramResult done =
@@ -418,7 +418,7 @@ TEST(Measure, says_what_it_leaves_out) {
     EXPECT_EQ(contact.back().at("reference"), "1") << "exact contact is refused there";
 }
 
-TEST(Measure, damages_nothing_where_it_cannot_write) {
+TEST(Measure, DamagesNothingWhereItCannotWrite) {
     const Folder folder;
     const std::string scene = folder.write("a.toml", SceneText{});
     folder.write("taken", "mine");
@@ -448,7 +448,7 @@ DialResult three_settings() {
     return result;
 }
 
-TEST(MeasureReport, the_front_is_what_nothing_beats_in_both) {
+TEST(MeasureReport, TheFrontIsWhatNothingBeatsInBoth) {
     const DialResult result = three_settings();
     EXPECT_TRUE(result.settings[0].front);
     EXPECT_FALSE(result.settings[1].front) << "slower and less exact than the third";
@@ -456,7 +456,7 @@ TEST(MeasureReport, the_front_is_what_nothing_beats_in_both) {
     EXPECT_FALSE(result.settings[3].front);
 }
 
-TEST(MeasureReport, names_with_marks_of_the_format_stay_whole) {
+TEST(MeasureReport, NamesWithMarksOfTheFormatStayWhole) {
     Measurement measurement;
     measurement.scene = "a & b.toml";
     measurement.dials.push_back(three_settings());

@@ -18,7 +18,7 @@ double number_of(const std::string& path, const std::string& key) {
 
 } // namespace
 
-TEST(Noise, pixels_are_done_when_they_are_as_good_as_asked_for) {
+TEST(Noise, PixelsAreDoneWhenTheyAreAsGoodAsAskedFor) {
     const Folder folder;
     const std::string scene = folder.write("a.toml", noisy_grass);
     constexpr double noise = 0.03;
@@ -64,7 +64,7 @@ TEST(Noise, pixels_are_done_when_they_are_as_good_as_asked_for) {
 
 // Stratification removes most of the noise that single samples show at edges and in soft shadows: no samples
 // are spent on it.
-TEST(Noise, strata_count) {
+TEST(Noise, StrataCount) {
     const Folder folder;
     const auto rendered = [&](const std::string& name, const char* more, const char* value) {
         EXPECT_DONE(
@@ -94,7 +94,7 @@ TEST(Noise, strata_count) {
 }
 
 // A lamp in the picture does not cause noise in the rest of it.
-TEST(Noise, target_holds_beside_what_shines) {
+TEST(Noise, TargetHoldsBesideWhatShines) {
     const Folder folder;
     const std::string lamp = "[[light]]\nname = \"lamp\"\ntype = \"mesh\"\nmesh = \"bulb\"\n"
                              "radiance = [9e4, 9e4, 9e4]\n[[mesh]]\nname = \"bulb\"\ntype = \"sphere\"\n"
@@ -119,7 +119,7 @@ TEST(Noise, target_holds_beside_what_shines) {
 
 // The samples of the picture also decide when a pixel stops: pixels that miss rare bright paths stop early.
 // Measures how much this darkens fur with much multiple scattering.
-TEST(Noise, target_darkens_little) {
+TEST(Noise, TargetDarkensLittle) {
     const Folder folder;
     double with = 0.0, without = 0.0;
     for (int seed = 1; seed <= (whole_run() ? 3 : 1); ++seed)
@@ -142,7 +142,7 @@ TEST(Noise, target_darkens_little) {
 }
 
 // The reported loss by clamping is what the picture lacks.
-TEST(Noise, clamp_says_what_it_takes) {
+TEST(Noise, ClampSaysWhatItTakes) {
     const Folder folder;
     const auto rendered = [&](const std::string& name, const char* clamp) {
         const ProgramResult outcome =
@@ -183,7 +183,7 @@ TEST(Noise, clamp_says_what_it_takes) {
 }
 
 // EXR files hold halfs if these can represent the picture, otherwise floats.
-TEST(Noise, dim_pictures_lose_nothing_when_they_are_saved) {
+TEST(Noise, DimPicturesLoseNothingWhenTheyAreSaved) {
     const Folder folder;
     const auto mean = [&](const char* strength) {
         EXPECT_DONE(
@@ -203,7 +203,7 @@ TEST(Noise, dim_pictures_lose_nothing_when_they_are_saved) {
 }
 
 // However short the time, the result is a picture with fewer samples.
-TEST(Noise, time_is_kept_by_fewer_samples) {
+TEST(Noise, TimeIsKeptByFewerSamples) {
     const Folder folder;
     const std::string scene = folder.write("a.toml", noisy_grass);
     const ProgramResult done =

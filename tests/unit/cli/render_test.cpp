@@ -358,7 +358,7 @@ TEST(Render, IdsAreNotAveraged) {
 }
 
 } // namespace
-TEST(Render, names_of_files_tell_every_frame) {
+TEST(Render, NamesOfFilesTellEveryFrame) {
     EXPECT_EQ(numbered("a.####.exr", 1.0), "a.0001.exr");
     EXPECT_EQ(numbered("a.####.exr", -12.5), "a.-0012.5.exr");
     EXPECT_EQ(numbered("a.####.exr", 3.37), "a.0003.37.exr");

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // A scene has one tolerance. These tests measure on the existing scenes, with fewer strands, that the
 // settings chosen from it meet it.
-#include "core/geometry/curve_compare.h"
 #include "core/measure/dials.h"
 #include "core/shot/settings.h"
+#include "core/world/curve_compare.h"
 #include "tests/whole.h"
 
 #include <fmt/format.h>
@@ -81,7 +81,7 @@ std::vector<std::string> with_about(double strands, const std::string& file, con
 // Between motion keys 99 % of the strands are within the tolerance: the scene's own choice of keys against
 // eight times as many. Strands that slip off colliders jump, which no number of keys can follow; the
 // prediction includes them. Closed shutters are opened for half a frame.
-TEST(Tolerance, holds_between_the_motion_keys_of_scenes) {
+TEST(Tolerance, HoldsBetweenTheMotionKeysOfScenes) {
     std::printf("%-18s%13s%8s%13s%13s%13s\n", "scene", "tolerance", "keys", "foreseen", "99 in 100", "worst");
     size_t scenes_seen = 0;
     for (const std::string& file : scenes(0)) {
@@ -190,7 +190,7 @@ void expect_within_tolerance(const OpenDial& dial) {
     EXPECT_GT(scenes_seen, 0U);
 }
 
-TEST(Tolerance, chooses_cvs) {
+TEST(Tolerance, ChoosesCvs) {
     OpenDial dial{".cvs", {"cvs=0"}, {}, {"wind.reference_segments=7"}};
     dial.by_chosen = true;
     dial.strands = whole_run() ? 250.0 : 120.0; // with up to 1000 CVs
@@ -198,7 +198,7 @@ TEST(Tolerance, chooses_cvs) {
     expect_within_tolerance(dial);
 }
 
-TEST(Tolerance, chooses_the_step_of_jiggle) {
+TEST(Tolerance, ChoosesTheStepOfJiggle) {
     OpenDial dial{".jiggle_step", {}, {"wind.jiggle.step=0.0625"}};
     dial.concerns = [](const SceneDescription& scene) {
         return scene.wind.find("jiggle.frequency") != nullptr;
@@ -208,7 +208,7 @@ TEST(Tolerance, chooses_the_step_of_jiggle) {
     expect_within_tolerance(dial);
 }
 
-TEST(Tolerance, chooses_the_rays_of_a_cone) {
+TEST(Tolerance, ChoosesTheRaysOfACone) {
     OpenDial dial{".shield_rays", {}, {"wind.shielding.rays=1024"}, {"wind.shielding.spread=6"}};
     dial.concerns = [](const SceneDescription& scene) {
         return scene.wind.find("shielding.shield") != nullptr && scene.wind.find("shielding.rays") == nullptr;
@@ -216,7 +216,7 @@ TEST(Tolerance, chooses_the_rays_of_a_cone) {
     expect_within_tolerance(dial);
 }
 
-TEST(Tolerance, leaves_out_octaves_too_fine_to_see) {
+TEST(Tolerance, LeavesOutOctavesTooFineToSee) {
     OpenDial dial{".octaves", {}, {}, {"wind.noise.octaves=12"}};
     dial.concerns = [](const SceneDescription& scene) {
         return scene.wind.find("jiggle.frequency") == nullptr;
@@ -239,7 +239,7 @@ double chosen_in(const std::string& file, const std::vector<std::string>& change
 } // namespace
 
 // A curl of 64 turns looks straight at 3, 5, 9 ... 65 CVs.
-TEST(Tolerance, gives_curls_and_frizz_their_cvs) {
+TEST(Tolerance, GivesCurlsAndFrizzTheirCvs) {
     const std::vector<std::string> still = {"procedural.strand.cvs=0", "wind.speed=0"};
     const auto with = [&](const std::string& change) {
         std::vector<std::string> changes = still;
@@ -254,7 +254,7 @@ TEST(Tolerance, gives_curls_and_frizz_their_cvs) {
 
 // A skin keyed at whole frames looks the same for steps of 1 and 1/2 frames, even if it moves between the
 // frames that a step of 2 samples.
-TEST(Tolerance, looks_at_every_frame_of_a_skin_that_moves) {
+TEST(Tolerance, LooksAtEveryFrameOfASkinThatMoves) {
     std::string keys;
     for (int frame = 1; frame <= 20; ++frame)
         keys += (frame > 1 ? ", " : "") + ("{frame=" + std::to_string(frame)) +

@@ -55,7 +55,7 @@ Picture without_variance(Picture picture) {
 
 } // namespace
 
-TEST(Compare, the_limit_is_students_t) {
+TEST(Compare, TheLimitIsStudentsT) {
     EXPECT_NEAR(student_limit(0.001, 10.0), 4.587, 0.014); // from tables, two-sided
     EXPECT_NEAR(student_limit(0.001, 30.0), 3.646, 0.005);
     EXPECT_NEAR(student_limit(0.01, 20.0), 2.845, 0.005);
@@ -63,7 +63,7 @@ TEST(Compare, the_limit_is_students_t) {
     EXPECT_NEAR(student_limit(1e-9, 1e9), 6.1094, 0.001);
 }
 
-TEST(Compare, noise_of_another_seed_is_alike) {
+TEST(Compare, NoiseOfAnotherSeedIsAlike) {
     constexpr double noise =
         0.012; // weak enough to look alike: then noise cannot hide much, and nothing else is asked
     const Picture reference = made(1, noise);
@@ -83,7 +83,7 @@ TEST(Compare, noise_of_another_seed_is_alike) {
     EXPECT_LT(whole / seeds, 2.0);
 }
 
-TEST(Compare, small_steady_differences_add_up) {
+TEST(Compare, SmallSteadyDifferencesAddUp) {
     const Picture reference = made(1, 0.05);
     // A twentieth of a standard deviation everywhere; half of one in a square; twenty in a pixel.
     const Comparison all = compared(made(2, 0.05, [](int, int, int) { return 0.005; }), reference);
@@ -104,7 +104,7 @@ TEST(Compare, small_steady_differences_add_up) {
 }
 
 // A difference of 0.6 standard deviations in each pixel, with any sign: no square is off by much.
-TEST(Compare, small_differences_everywhere_are_found) {
+TEST(Compare, SmallDifferencesEverywhereAreFound) {
     const auto rough = [](double by) {
         return made(2, 0.05, [=](int x, int y, int c) {
             return hash(7, uint64_t(3 * (y * width + x) + c)) % 2 == 0 ? by : -by;
@@ -124,7 +124,7 @@ TEST(Compare, small_differences_everywhere_are_found) {
 
 // Where noise could hide a difference that people would see, the pictures are neither alike nor different;
 // with the samples that the message asks for they are alike.
-TEST(Compare, noise_that_could_hide_a_difference_is_said) {
+TEST(Compare, NoiseThatCouldHideADifferenceIsSaid) {
     constexpr double noise = 0.2;
     const Comparison c = compared(made(2, noise), made(1, noise));
     EXPECT_FALSE(c.different());
@@ -143,7 +143,7 @@ TEST(Compare, noise_that_could_hide_a_difference_is_said) {
     EXPECT_NEAR(c.scales.back().deviation, noise * std::sqrt(2.0 / (width * height)), 1e-6);
 }
 
-TEST(Compare, without_variance_looks_decide) {
+TEST(Compare, WithoutVarianceLooksDecide) {
     const Picture reference = without_variance(made(1, 0.002));
     EXPECT_TRUE(compared(reference, reference).equal);
     EXPECT_TRUE(compared(reference, reference).alike());
@@ -155,7 +155,7 @@ TEST(Compare, without_variance_looks_decide) {
 }
 
 // 400 pixels of 76,800: too few for means and for the 99th percentile.
-TEST(Compare, without_variance_a_small_thing_is_missed) {
+TEST(Compare, WithoutVarianceASmallThingIsMissed) {
     constexpr int w = 320, h = 240;
     const auto with_square = [](float r, float g, float b) {
         Picture picture{w, h, 64, "", {{"", {"R", "G", "B"}, {}}}};
@@ -184,7 +184,7 @@ TEST(Compare, without_variance_a_small_thing_is_missed) {
         << "a test of the noise decides";
 }
 
-TEST(Compare, without_variance_light_below_zero_is_seen) {
+TEST(Compare, WithoutVarianceLightBelowZeroIsSeen) {
     const auto scaled = [](float by) {
         Picture picture = without_variance(made(1, 0.0));
         for (float& v : picture.layers[0].pixels) v *= by;
@@ -196,7 +196,7 @@ TEST(Compare, without_variance_light_below_zero_is_seen) {
     EXPECT_TRUE(compared(scaled(0.0F), scaled(0.0F)).alike());
 }
 
-TEST(Compare, the_verdict_names_the_channel) {
+TEST(Compare, TheVerdictNamesTheChannel) {
     const Comparison c = compared(
         made(2, 0.05, [](int, int, int channel) { return channel == 1 ? 0.02 : 0.0; }), made(1, 0.05));
     ASSERT_FALSE(c.alike());
@@ -204,7 +204,7 @@ TEST(Compare, the_verdict_names_the_channel) {
 }
 
 // Accepted, but with a note.
-TEST(Compare, much_more_noise_is_noted) {
+TEST(Compare, MuchMoreNoiseIsNoted) {
     EXPECT_TRUE(compared(made(2, 0.005), made(1, 0.005)).notes.empty());
     EXPECT_TRUE(compared(made(2, 0.009), made(1, 0.005)).notes.empty());
     const Comparison c = compared(made(2, 0.015), made(1, 0.005));
@@ -216,7 +216,7 @@ TEST(Compare, much_more_noise_is_noted) {
         << "it says nothing";
 }
 
-TEST(Compare, one_variance_serves_both) {
+TEST(Compare, OneVarianceServesBoth) {
     const Picture reference = made(1, 0.05);
     const Comparison c = compared(without_variance(made(2, 0.05)), reference);
     EXPECT_TRUE(c.has_noise_estimate);
@@ -224,7 +224,7 @@ TEST(Compare, one_variance_serves_both) {
 }
 
 // The picture has a variance but no sample count: at least two are assumed.
-TEST(Compare, unknown_samples_do_not_hide_a_fault) {
+TEST(Compare, UnknownSamplesDoNotHideAFault) {
     Picture reference = made(1, 0.05), seed = made(2, 0.05), bright = made(3, 0.05);
     for (float& v : bright.layers[0].pixels) v *= 1.2F;
     for (Picture* picture : {&reference, &seed, &bright}) picture->samples = 0;
@@ -239,7 +239,7 @@ TEST(Compare, unknown_samples_do_not_hide_a_fault) {
 
 // Ids where several strands share a pixel: another seed finds others of them, but no strand that is not
 // there. More than half of the picture is background.
-TEST(Compare, names_are_no_quantities) {
+TEST(Compare, NamesAreNoQuantities) {
     const auto ids = [](uint64_t seed, float first, int moved = 0, const char* name = "id") {
         Picture picture = without_variance(made(1, 0.0));
         Picture::Layer layer{name, {"Y"}, {}};
@@ -274,7 +274,7 @@ TEST(Compare, names_are_no_quantities) {
 
 // If every pixel is an edge, two seeds differ by more than 0.03. A layer with an offset also does, and is
 // different.
-TEST(Compare, layers_may_be_noisy_but_not_off) {
+TEST(Compare, LayersMayBeNoisyButNotOff) {
     const auto along = [](uint64_t seed, double add) {
         Picture picture = without_variance(made(1, 0.0));
         Picture::Layer layer{"strand_u", {"Y"}, {}};
@@ -308,14 +308,14 @@ TEST(Compare, layers_may_be_noisy_but_not_off) {
     EXPECT_EQ(compared(chequered(0, 1), chequered(0, 0)).faults.size(), 1U);
 }
 
-TEST(Compare, grey_is_not_colour) {
+TEST(Compare, GreyIsNotColour) {
     Picture colour = without_variance(made(1, 0.0)), grey = colour;
     grey.grey = true;
     EXPECT_THROW(compared(grey, colour), InputError);
     EXPECT_TRUE(compared(grey, grey).equal);
 }
 
-TEST(Compare, numbers_are_what_they_say) {
+TEST(Compare, NumbersAreWhatTheySay) {
     Picture a = without_variance(made(1, 0.0)), b = a;
     for (float& v : a.layers[0].pixels) v += 0.25F;
     const Comparison c = compared(a, b);
@@ -325,7 +325,7 @@ TEST(Compare, numbers_are_what_they_say) {
     EXPECT_EQ(compared(b, b).ssim, 1.0);
 }
 
-TEST(Compare, golden_limits_are_kept) {
+TEST(Compare, GoldenLimitsAreKept) {
     Picture reference = made(1, 0.05);
     reference.limits = to_text({{{1, 3.0}, {0, 2.5}}, 0.5, 0.9, 0.2});
     const std::optional<Limits> read = limits_from(reference.limits);
@@ -343,7 +343,7 @@ TEST(Compare, golden_limits_are_kept) {
 }
 
 // The frame with limits is the reference, whichever is named first.
-TEST(Compare, golden_limits_hold_from_either_side) {
+TEST(Compare, GoldenLimitsHoldFromEitherSide) {
     Picture golden = made(1, 0.05);
     golden.limits = to_text({{{1, 3.0}, {0, 2.5}}, 0.5, 0.9, 0.2});
     const Picture other = made(2, 0.05);
@@ -367,7 +367,7 @@ TEST(Compare, golden_limits_hold_from_either_side) {
     EXPECT_THROW(compared(golden, other), InputError);
 }
 
-TEST(Compare, what_cannot_be_compared_is_refused) {
+TEST(Compare, WhatCannotBeComparedIsRefused) {
     const Picture a = made(1, 0.01);
     Picture small = a, alpha = a, odd = a;
     small.height = 32;
@@ -381,7 +381,7 @@ TEST(Compare, what_cannot_be_compared_is_refused) {
     }
 }
 
-TEST(Compare, alpha_is_judged_and_the_last_pixels_are_seen) {
+TEST(Compare, AlphaIsJudgedAndTheLastPixelsAreSeen) {
     Picture a = without_variance(made(1, 0.0)), b = a;
     a.layers.push_back({"alpha", {"A"}, std::vector<float>(size_t(width * height), 0.0F)});
     b.layers.push_back({"alpha", {"A"}, std::vector<float>(size_t(width * height), 1.0F)});
@@ -391,7 +391,7 @@ TEST(Compare, alpha_is_judged_and_the_last_pixels_are_seen) {
 }
 
 // The layer of variance does not have alpha's. As from a shadow catcher: alpha differs, colours do not.
-TEST(Compare, noise_of_alpha_hides_no_plain_difference) {
+TEST(Compare, NoiseOfAlphaHidesNoPlainDifference) {
     const auto with_alpha = [](uint64_t seed, double noise, double shadow) {
         Picture picture = made(1, 0.0);
         Picture::Layer& alpha = picture.layers.emplace_back("alpha", std::vector<std::string>{"A"});
@@ -410,7 +410,7 @@ TEST(Compare, noise_of_alpha_hides_no_plain_difference) {
     EXPECT_TRUE(compared(noisy, with_alpha(2, 0.9, 0.9)).different());
 }
 
-TEST(Compare, one_sample_with_variance_cannot_be_told) {
+TEST(Compare, OneSampleWithVarianceCannotBeTold) {
     Picture a = made(1, 0.3), b = made(2, 0.3);
     a.samples = b.samples = 1;
     const Comparison unknown = compared(a, b);
@@ -425,7 +425,7 @@ TEST(Compare, one_sample_with_variance_cannot_be_told) {
     EXPECT_TRUE(compared(white, b).different()) << "whatever the noise";
 }
 
-TEST(Compare, variance_cannot_switch_judging_off) {
+TEST(Compare, VarianceCannotSwitchJudgingOff) {
     const Picture reference = made(1, 0.05);
     Picture negative = reference, huge = reference, one = reference;
     negative.layers[1].pixels[5] = -1.0F;
@@ -443,7 +443,7 @@ TEST(Compare, variance_cannot_switch_judging_off) {
 }
 
 // However dim the picture, a difference of 5 % is found.
-TEST(Compare, dim_pictures_are_judged_too) {
+TEST(Compare, DimPicturesAreJudgedToo) {
     Picture a = made(1, 0.02), b = made(2, 0.02);
     for (Picture* picture : {&a, &b}) {
         const double scale = picture == &a ? 1e-5 : 1.05e-5;
@@ -453,7 +453,7 @@ TEST(Compare, dim_pictures_are_judged_too) {
     EXPECT_FALSE(compared(b, a).alike());
 }
 
-TEST(Compare, limits_that_make_no_sense_are_none) {
+TEST(Compare, LimitsThatMakeNoSenseAreNone) {
     for (const char* text :
          {"garbage", "1:5 flip 1 1", "1:5 flip nan 1 ssim 0", "1:inf flip 1 1 ssim 0", "1:-5 flip 1 1 ssim 0",
           "1:5x flip 1 1 ssim 0", "1:5 flip 1 1 ssim 0 more", "-1:5 flip 1 1 ssim 0"})
@@ -461,7 +461,7 @@ TEST(Compare, limits_that_make_no_sense_are_none) {
     EXPECT_TRUE(limits_from("1:5 0:4 flip 0.1 0.2 ssim 0.9").has_value());
 }
 
-TEST(Compare, layers_come_whatever_their_order) {
+TEST(Compare, LayersComeWhateverTheirOrder) {
     const std::string path =
         (std::filesystem::temp_directory_path() / ("marram_layers_" + std::to_string(::getpid()) + ".exr"))
             .string();
@@ -497,7 +497,7 @@ bool in_square(int x, int y, int side) { return x >= 30 && x < 30 + side && y >=
 } // namespace
 
 // A part of less than 3 %, as much as a layer may differ by in the mean.
-TEST(Compare, a_small_part_of_a_layer_is_missed) {
+TEST(Compare, ASmallPartOfALayerIsMissed) {
     constexpr int side = 13; // 2.75 % of 96 x 64
     const Picture ones = with_layer("envelope", [](int x, int y) { return in_square(x, y, side); }),
                   none = with_layer("envelope", [](int, int) { return 0.0; });
@@ -520,7 +520,7 @@ TEST(Compare, a_small_part_of_a_layer_is_missed) {
 }
 
 // A noisy part of a layer may have other noise; a smooth part may not become noisy.
-TEST(Compare, a_layer_may_be_noise_only_where_it_is) {
+TEST(Compare, ALayerMayBeNoiseOnlyWhereItIs) {
     const auto half_noise = [](uint64_t seed) {
         return with_layer("strand_u", [=](int x, int y) {
             return double(y) / height + (x < width / 2 ? 0.1 * normal(seed, uint64_t(y * width + x)) : 0.0);
@@ -541,7 +541,7 @@ TEST(Compare, a_layer_may_be_noise_only_where_it_is) {
 
 // Here most strands share no pixel. The share of ids that are unknown among their own neighbours bounds how
 // many may be unknown in the other picture.
-TEST(Compare, few_other_names_are_missed) {
+TEST(Compare, FewOtherNamesAreMissed) {
     const auto named = [](double renamed) {
         return with_layer("id", [=](int x, int y) {
             const auto strand = uint64_t(x / 2 + 100 * (y / 4));
@@ -576,7 +576,7 @@ TEST(Compare, few_other_names_are_missed) {
 }
 
 // Noise at either end of the range: every value has its like nearby, wherever the layer's surfaces are.
-TEST(Compare, noise_hides_no_other_depth) {
+TEST(Compare, NoiseHidesNoOtherDepth) {
     // up, down: shares of the far surface in the left and in the right half
     const auto depth = [](uint64_t seed, double up, double down, const char* name = "depth") {
         return with_layer(name, [=](int x, int y) {
@@ -609,7 +609,7 @@ TEST(Compare, noise_hides_no_other_depth) {
 }
 
 // Half of the range, over a window, in any noise: different, or it cannot be told.
-TEST(Compare, a_plainly_different_layer_is_never_alike) {
+TEST(Compare, APlainlyDifferentLayerIsNeverAlike) {
     for (const double noise : {0.0, 0.01, 0.1, 0.5, 1.0, 3.0, 30.0}) {
         const auto depth = [&](uint64_t seed, double off) {
             return with_layer("depth", [=](int x, int y) {
@@ -643,7 +643,7 @@ TEST(Compare, a_plainly_different_layer_is_never_alike) {
 }
 
 // Every pixel has an id of its own: in another seed all are others, as all ids of another picture would be.
-TEST(Compare, ids_that_are_all_noise_tell_nothing) {
+TEST(Compare, IdsThatAreAllNoiseTellNothing) {
     const auto ids = [](uint64_t seed) {
         return with_layer(
             "id", [=](int x, int y) { return double(hash(seed, uint64_t(y * width + x)) & 0xffffff); });
@@ -672,7 +672,7 @@ double mean_flip(const std::vector<float>& a, const std::vector<float>& b) {
 
 } // namespace
 
-TEST(Flip, goes_from_none_to_one) {
+TEST(Flip, GoesFromNoneToOne) {
     const std::vector<float> green = plain(0, 8, 0), blue = plain(0, 0, 8), grey = plain(0.4F, 0.4F, 0.4F);
     EXPECT_EQ(mean_flip(grey, grey), 0.0);
     EXPECT_GT(mean_flip(green, blue), 0.9);
@@ -688,7 +688,7 @@ TEST(Flip, goes_from_none_to_one) {
 
 // For uniform pictures FLIP is a formula, computed here by hand. Display pictures are compared as shown,
 // without an exposure for the darker one.
-TEST(Flip, of_display_pictures_is_as_they_are_shown) {
+TEST(Flip, OfDisplayPicturesIsAsTheyAreShown) {
     const auto shown = [](const std::vector<float>& a, const std::vector<float>& b) {
         double sum = 0.0;
         for (const float f : flip_map(a, b, width, height, Range::display))
@@ -710,7 +710,7 @@ TEST(Flip, of_display_pictures_is_as_they_are_shown) {
 }
 
 // Detail below the eye's resolution counts less: a fine and a coarse checkerboard against their mean grey.
-TEST(Flip, fine_patterns_count_less_than_coarse_ones) {
+TEST(Flip, FinePatternsCountLessThanCoarseOnes) {
     const auto board = [](int cell) {
         std::vector<float> rgb;
         for (int y = 0; y < height; ++y)
@@ -722,7 +722,7 @@ TEST(Flip, fine_patterns_count_less_than_coarse_ones) {
     EXPECT_LT(mean_flip(board(1), grey), 0.5 * mean_flip(board(16), grey));
 }
 
-TEST(Flip, sees_an_edge_that_has_moved) {
+TEST(Flip, SeesAnEdgeThatHasMoved) {
     const auto edge = [](int at) {
         std::vector<float> rgb;
         for (int y = 0; y < height; ++y)
@@ -737,7 +737,7 @@ TEST(Flip, sees_an_edge_that_has_moved) {
 }
 
 // A pixel that is very bright in both pictures does not change the result elsewhere.
-TEST(Flip, is_not_blinded_by_one_bright_pixel) {
+TEST(Flip, IsNotBlindedByOneBrightPixel) {
     std::vector<float> a = plain(0.2F, 0.2F, 0.2F), b = plain(0.3F, 0.3F, 0.3F);
     const double before = mean_flip(a, b);
     for (int c = 0; c < 3; ++c) a[size_t(c)] = b[size_t(c)] = 1e9F;
@@ -753,7 +753,7 @@ TEST(Flip, is_not_blinded_by_one_bright_pixel) {
 }
 
 // Black, very bright and negative pictures give numbers.
-TEST(Flip, survives_any_range) {
+TEST(Flip, SurvivesAnyRange) {
     const std::vector<float> black = plain(0, 0, 0), bright = plain(6e4F, 6e4F, 6e4F),
                              odd = plain(-1, 0, 1e-30F);
     for (const auto& a : {black, bright, odd})

@@ -27,7 +27,7 @@ SceneMesh flapping() {
 
 } // namespace
 
-TEST(SceneMesh, goes_straight_from_shape_to_shape_and_rests_outside) {
+TEST(SceneMesh, GoesStraightFromShapeToShapeAndRestsOutside) {
     const SceneMesh mesh = flapping();
     for (const auto& [frame, height, along] :
          {std::tuple(-5.0, 0.0, 0.0), std::tuple(1.0, 0.0, 0.0), std::tuple(1.25, 0.25, 0.5),
@@ -48,7 +48,7 @@ TEST(SceneMesh, goes_straight_from_shape_to_shape_and_rests_outside) {
     EXPECT_TRUE(facetted.normals_at(1.5).empty());
 }
 
-TEST(SceneMesh, moves_while_its_shapes_do) {
+TEST(SceneMesh, MovesWhileItsShapesDo) {
     SceneMesh mesh = flapping();
     mesh.transform = {};
     EXPECT_TRUE(mesh.moves() && mesh.moves_within(2.9, 3.1) && mesh.moves_within(0.0, 9.0));
@@ -57,7 +57,7 @@ TEST(SceneMesh, moves_while_its_shapes_do) {
     EXPECT_FALSE(mesh.moves());
 }
 
-TEST(SceneMesh, motion_keys_follow_shapes) {
+TEST(SceneMesh, MotionKeysFollowShapes) {
     SceneMesh mesh = flapping();
     EXPECT_EQ(motion_keys_for(mesh, 1e-6, View{}, 1.1, 1.9), 2U) << "straight";
     EXPECT_NEAR(motion_error(mesh, View{}, 2, 1.75, 2.25), 0.25, 1e-6) << "the way bends at frame 2";
@@ -69,7 +69,7 @@ TEST(SceneMesh, motion_keys_follow_shapes) {
 }
 
 // One of 90,000 vertices has a kink in its path.
-TEST(SceneMesh, one_vertex_among_many_asks_for_its_motion_keys) {
+TEST(SceneMesh, OneVertexAmongManyAsksForItsMotionKeys) {
     SceneMesh mesh;
     mesh.mesh = plane_mesh(Vec2f(3.0F, 3.0F), 300);
     for (const float height : {0.0F, 0.6F, 0.0F}) {

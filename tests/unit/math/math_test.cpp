@@ -10,7 +10,7 @@
 
 using namespace marram;
 
-TEST(Ramp, knots_ends_and_interpolation) {
+TEST(Ramp, KnotsEndsAndInterpolation) {
     const std::vector<double> knots = {0.0, 1.0, 1.0, 3.0, 2.0, -1.0};
     const Ramp linear(knots, "linear"), smooth(knots, "smooth"), constant(knots, "constant");
     for (const Ramp* ramp : {&linear, &smooth, &constant}) {
@@ -27,7 +27,7 @@ TEST(Ramp, knots_ends_and_interpolation) {
     EXPECT_EQ(Ramp()(0.3), 1.0);
 }
 
-TEST(KeyedTransform, is_exact_at_keys_and_constant_outside) {
+TEST(KeyedTransform, IsExactAtKeysAndConstantOutside) {
     const std::vector<double> keys = {1, 0, 0, 0, 0, 0, 0, 1, 1, 1, 5, 4, 8, 0, 0, 90, 0, 2, 2, 2};
     for (const char* interpolation : {"linear", "smooth"}) {
         const KeyedTransform keyed(keys, interpolation);
@@ -45,7 +45,7 @@ TEST(KeyedTransform, is_exact_at_keys_and_constant_outside) {
                 1e-12);
 }
 
-TEST(KeyedTransform, euler_angles_turn_about_x_then_y_then_z) {
+TEST(KeyedTransform, EulerAnglesTurnAboutXThenYThenZ) {
     const std::vector<double> keys = {0, 0, 0, 0, 90, 0, 90, 1, 1, 1};
     // About x, y turns to z; about z, z stays.
     EXPECT_LT((KeyedTransform(keys, "linear").at(0.0) * Vec3d(0, 1, 0) - Vec3d(0, 0, 1)).norm(), 1e-12);
@@ -53,7 +53,7 @@ TEST(KeyedTransform, euler_angles_turn_about_x_then_y_then_z) {
 
 // A wheel: two turns in 24 frames, also backwards. No turn is lost if neighbouring keys are half a turn or
 // more apart.
-TEST(KeyedTransform, turns_as_far_as_its_keys_say) {
+TEST(KeyedTransform, TurnsAsFarAsItsKeysSay) {
     for (const double turns : {0.5, 1.0, 2.0, -2.0}) {
         const KeyedTransform wheel(
             std::vector<double>{0, 0, 0, 0, 0, 0, 0, 1, 1, 1, 24, 0, 0, 0, 0, 0, 360.0 * turns, 1, 1, 1},
@@ -67,7 +67,7 @@ TEST(KeyedTransform, turns_as_far_as_its_keys_say) {
     }
 }
 
-TEST(KeyedTransform, knows_when_it_moves) {
+TEST(KeyedTransform, KnowsWhenItMoves) {
     EXPECT_FALSE(KeyedTransform().moves());
     const KeyedTransform keyed(
         std::vector<double>{1, 0, 0, 0, 0, 0, 0, 1, 1, 1, 5, 4, 8, 0, 0, 90, 0, 2, 2, 2}, "linear");
@@ -77,7 +77,7 @@ TEST(KeyedTransform, knows_when_it_moves) {
     EXPECT_FALSE(keyed.moves_within(3.0, 3.0));
 }
 
-TEST(Hash, uniform_in_every_bit_and_never_one) {
+TEST(Hash, UniformInEveryBitAndNeverOne) {
     constexpr int count = 100'000;
     int ones[64] = {};
     double sum = 0.0;
@@ -92,7 +92,7 @@ TEST(Hash, uniform_in_every_bit_and_never_one) {
     EXPECT_LT(unit_float(UINT32_MAX), 1.0F);
 }
 
-TEST(Hash, a_changed_bit_changes_half_of_them) {
+TEST(Hash, AChangedBitChangesHalfOfThem) {
     double changed = 0.0;
     int pairs = 0;
     for (uint64_t i = 0; i < 500; ++i)
@@ -101,7 +101,7 @@ TEST(Hash, a_changed_bit_changes_half_of_them) {
     EXPECT_NEAR(changed / pairs, 32.0, 0.5);
 }
 
-TEST(OrthonormalBasis, holds_in_every_direction) {
+TEST(OrthonormalBasis, HoldsInEveryDirection) {
     for (const Vec3d& n : {Vec3d(0, 0, 1), Vec3d(0, 0, -1), Vec3d(1, 0, 0), Vec3d(0, -1, 0),
                            Vec3d(1e-9, 0, -1).normalized(), Vec3d(1, 2, 3).normalized()}) {
         Vec3d t, b;
@@ -112,7 +112,7 @@ TEST(OrthonormalBasis, holds_in_every_direction) {
     }
 }
 
-TEST(Problem, is_one_line) {
+TEST(Problem, IsOneLine) {
     EXPECT_EQ(to_string(Problem{{"a.toml", 3, 7}, "what\nis wrong", "fix it"}),
               "a.toml:3:7: what is wrong: fix it");
     EXPECT_EQ(to_string(Problem{{"a.ply"}, "w", "f"}), "a.ply: w: f");

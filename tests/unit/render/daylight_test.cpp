@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The error of the sky's image, and its cost.
-#include "core/render/daylight_lights.h"
+#include "core/render/lights/daylight_lights.h"
 
 #include "core/math/hash.h"
 

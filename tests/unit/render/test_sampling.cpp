@@ -4,7 +4,7 @@
 
 #include "core/render/camera.h"
 #include "core/render/filter.h"
-#include "core/render/lights.h"
+#include "core/render/lights/lights.h"
 #include "core/render/sampler.h"
 
 #include <gtest/gtest.h>

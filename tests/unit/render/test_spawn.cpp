@@ -5,8 +5,8 @@
 #include "tests/unit/render/world_builder.h"
 #include "tests/whole.h"
 
-#include "core/geometry/hit.h"
 #include "core/math/hash.h"
+#include "core/trace/hit.h"
 
 #include <gtest/gtest.h>
 

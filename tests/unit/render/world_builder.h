@@ -2,10 +2,10 @@
 // Small worlds for tests, built directly with Embree as in core/geometry.
 #pragma once
 
-#include "core/geometry/curve_pieces.h"
-#include "core/geometry/round_pieces.h"
 #include "core/geometry/world.h"
 #include "core/plugin/embree.h"
+#include "core/trace/curve_pieces.h"
+#include "core/trace/round_pieces.h"
 
 #include <cmath>
 #include <cstring>

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Triangles refined near a camera: no cracks, full coverage, no more triangles than needed.
-#include "procedural/terrain/dicing.h"
+#include "procedural/terrain/mesh/dicing.h"
 
 #include "core/math/hash.h"
 

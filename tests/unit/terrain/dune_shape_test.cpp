@@ -2,7 +2,7 @@
 // Compares the dune along a curve with an evaluation of its documented formulas by quadrature. Also tests
 // what the documentation states: continuity, height of the crest, angle of the slip face, bounds, identical
 // bits in rows and at any thread count.
-#include "procedural/terrain/dune_shape.h"
+#include "procedural/terrain/dune/dune_shape.h"
 
 #include "core/math/hash.h"
 

@@ -2,7 +2,7 @@
 // Tests of the fusion layer's documentation: sand conserved exactly, slopes bounded on both diagonals,
 // identical bits at any thread count.
 #include "procedural/terrain/drape.h"
-#include "procedural/terrain/fusion.h"
+#include "procedural/terrain/mesh/fusion.h"
 
 #include "core/math/hash.h"
 

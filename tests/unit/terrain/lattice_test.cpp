@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "procedural/terrain/lattice.h"
+#include "procedural/terrain/mesh/lattice.h"
 
 #include "core/math/hash.h"
 

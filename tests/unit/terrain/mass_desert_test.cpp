@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The mass desert: equal seeds give equal dunes, statistics match the settings, an edit changes one dune
 // only.
-#include "procedural/terrain/mass_desert.h"
+#include "procedural/terrain/mass/mass_desert.h"
 
 #include "core/math/digest.h"
 #include "core/math/hash.h"
@@ -95,7 +95,7 @@ MassDune alone(MassKind kind, double height) {
 
 } // namespace
 
-TEST(MassDesert, same_seed_same_dunes_at_any_thread_count_and_area) {
+TEST(MassDesert, SameSeedSameDunesAtAnyThreadCountAndArea) {
     MassSettings settings;
     for (const MassArrangement arrangement :
          {MassArrangement::random, MassArrangement::across, MassArrangement::cells}) {
@@ -121,7 +121,7 @@ TEST(MassDesert, same_seed_same_dunes_at_any_thread_count_and_area) {
     }
 }
 
-TEST(MassDesert, ids_are_unique_and_exact_as_doubles) {
+TEST(MassDesert, IdsAreUniqueAndExactAsDoubles) {
     MassSettings settings;
     for (const MassArrangement arrangement :
          {MassArrangement::random, MassArrangement::across, MassArrangement::cells}) {
@@ -134,7 +134,7 @@ TEST(MassDesert, ids_are_unique_and_exact_as_doubles) {
     }
 }
 
-TEST(MassDesert, heights_and_angles_are_distributed_as_asked) {
+TEST(MassDesert, HeightsAndAnglesAreDistributedAsAsked) {
     MassSettings settings = all_of(MassKind::dome);
     settings.spacing = {40.0, 60.0};
     settings.dispersion = 12.0 * degree;
@@ -160,7 +160,7 @@ TEST(MassDesert, heights_and_angles_are_distributed_as_asked) {
     EXPECT_NEAR(deviation, 12.0, 12.0 * 3.3 / std::sqrt(2.0 * n));
 }
 
-TEST(MassDesert, spacing_and_density) {
+TEST(MassDesert, SpacingAndDensity) {
     MassSettings settings = all_of(MassKind::dome);
     for (const Vec2d& spacing : {Vec2d(80.0, 80.0), Vec2d(80.0, 140.0)}) {
         settings.spacing = spacing;
@@ -192,7 +192,7 @@ TEST(MassDesert, spacing_and_density) {
     for (const auto& [id, digest] : digests(few)) EXPECT_EQ(all.at(id), digest);
 }
 
-TEST(MassDesert, rows_across_the_wind_and_dunes_along_a_curve) {
+TEST(MassDesert, RowsAcrossTheWindAndDunesAlongACurve) {
     MassSettings settings = all_of(MassKind::transverse);
     settings.arrangement = MassArrangement::across;
     settings.spacing = {100.0, 120.0};
@@ -222,7 +222,7 @@ TEST(MassDesert, rows_across_the_wind_and_dunes_along_a_curve) {
         EXPECT_NEAR(dune.angle, 90.0 * degree, 1e-12);
 }
 
-TEST(MassDesert, kinds_follow_the_regime_chart) {
+TEST(MassDesert, KindsFollowTheRegimeChart) {
     EXPECT_EQ(regime_kind(0.1, 0.0, 0.0), MassKind::barchan);
     EXPECT_EQ(regime_kind(0.5, 0.1, 0.0), MassKind::barchanoid);
     EXPECT_EQ(regime_kind(1.0, 0.0, 0.0), MassKind::transverse);
@@ -245,7 +245,7 @@ TEST(MassDesert, kinds_follow_the_regime_chart) {
     EXPECT_NEAR(barchans / all, 0.5, 3.3 * 0.5 / std::sqrt(all));
 }
 
-TEST(MassDesert, barchans_lie_on_the_lines_of_the_field) {
+TEST(MassDesert, BarchansLieOnTheLinesOfTheField) {
     for (const double height : {2.0, 3.0, 5.0, 8.0, 20.0}) {
         const MassDune dune = alone(MassKind::barchan, height);
         EXPECT_NEAR(dune.width, 8.6 * height + 8.8, 1e-9);
@@ -293,7 +293,7 @@ double furthest_sand(const DuneShape& shape, const Vec2d& place) {
     return furthest;
 }
 
-TEST(MassDesert, long_horns_stay_within_the_reach) {
+TEST(MassDesert, LongHornsStayWithinTheReach) {
     for (const MassKind kind : {MassKind::barchan, MassKind::barchanoid}) {
         MassSettings settings = all_of(kind);
         settings.horn_length = 2.0;
@@ -304,7 +304,7 @@ TEST(MassDesert, long_horns_stay_within_the_reach) {
     }
 }
 
-TEST(MassDesert, every_kind_has_crests_of_9_to_33_points_and_stays_within_its_reach) {
+TEST(MassDesert, EveryKindHasCrestsOf9To33PointsAndStaysWithinItsReach) {
     for (int k = 0; k < 8; ++k) {
         MassSettings settings = all_of(MassKind(k));
         settings.boundary_noise = 2.0;
@@ -345,7 +345,7 @@ TEST(MassDesert, every_kind_has_crests_of_9_to_33_points_and_stays_within_its_re
     }
 }
 
-TEST(MassDesert, an_edit_changes_one_dune_of_a_thousand) {
+TEST(MassDesert, AnEditChangesOneDuneOfAThousand) {
     MassSettings settings;
     const auto dunes = generate_dunes(settings, mass_low, mass_high);
     ASSERT_GT(dunes.size(), 800U);
@@ -373,7 +373,7 @@ TEST(MassDesert, an_edit_changes_one_dune_of_a_thousand) {
     }
 }
 
-TEST(MassDesert, an_edit_evaluates_the_tiles_of_its_dune_alone) {
+TEST(MassDesert, AnEditEvaluatesTheTilesOfItsDuneAlone) {
     const Domain domain{600, 500, 1.0, 0.25, -3.5};
     const MassGround ground(domain);
     MassSettings settings;
@@ -400,7 +400,7 @@ TEST(MassDesert, an_edit_evaluates_the_tiles_of_its_dune_alone) {
     }
 }
 
-TEST(MassDesert, the_field_is_the_same_in_any_rectangles_and_in_a_part_of_the_domain) {
+TEST(MassDesert, TheFieldIsTheSameInAnyRectanglesAndInAPartOfTheDomain) {
     const Domain domain{300, 200, 1.0, 0.0, 0.0}, part{128, 64, 1.0, 64.0, 64.0};
     MassSettings settings;
     settings.spacing = {50.0, 70.0}; // dunes overlap
@@ -422,7 +422,7 @@ TEST(MassDesert, the_field_is_the_same_in_any_rectangles_and_in_a_part_of_the_do
     EXPECT_GT(std::ranges::count_if(sand, [](SandUnits s) { return s > 0; }), 10000);
 }
 
-TEST(MassDesert, the_layer_misses_nothing_of_its_dunes) {
+TEST(MassDesert, TheLayerMissesNothingOfItsDunes) {
     const Domain domain{400, 400, 0.5, 900.0, 900.0};
     const MassGround ground(domain);
     double worst = 0.0;
@@ -455,7 +455,7 @@ TEST(MassDesert, the_layer_misses_nothing_of_its_dunes) {
 
 // Maximum slope of both sides of barchans away from crest and foot, and size of the bounding boxes relative
 // to their contents.
-TEST(MassDesert, sides_have_their_slopes_and_boxes_are_tight) {
+TEST(MassDesert, SidesHaveTheirSlopesAndBoxesAreTight) {
     for (int k = 0; k < 8; ++k) {
         double spare = 0.0, windward = 0.0, slip = 0.0;
         for (const double turn : {0.0, 0.5, 1.9}) {
@@ -496,7 +496,7 @@ TEST(MassDesert, sides_have_their_slopes_and_boxes_are_tight) {
     }
 }
 
-TEST(MassDesert, barchans_differ_in_more_than_size) {
+TEST(MassDesert, BarchansDifferInMoreThanSize) {
     std::vector<double> ratios;
     for (const MassDune& dune : generate_dunes(all_of(MassKind::barchan), mass_low, mass_high)) {
         const Vec2d axis(std::cos(dune.angle), std::sin(dune.angle));
@@ -508,7 +508,7 @@ TEST(MassDesert, barchans_differ_in_more_than_size) {
     EXPECT_GT(ratios[ratios.size() * 9 / 10], 1.15);
 }
 
-TEST(MassDesert, merging_is_continuous_and_leaves_what_is_alone) {
+TEST(MassDesert, MergingIsContinuousAndLeavesWhatIsAlone) {
     EXPECT_EQ(merged_thickness(3.0, 0.0, 1.0), 3.0);
     EXPECT_EQ(merged_thickness(0.0, 0.0, 1.0), 0.0);
     EXPECT_EQ(merged_thickness(3.0, 2.0, 0.0), 3.0);
@@ -525,7 +525,7 @@ TEST(MassDesert, merging_is_continuous_and_leaves_what_is_alone) {
     }
 }
 
-TEST(MassDesert, extremes) {
+TEST(MassDesert, Extremes) {
     MassSettings settings;
     EXPECT_TRUE(generate_dunes(settings, {5.0, 5.0}, {5.0, 5.0}).empty());
     EXPECT_TRUE(generate_dunes(settings, {5.0, 5.0}, {-5.0, -5.0}).empty());
@@ -557,14 +557,14 @@ TEST(MassDesert, extremes) {
     }
 }
 
-TEST(MassDesert, parameters_have_distinct_names) {
+TEST(MassDesert, ParametersHaveDistinctNames) {
     const LayerType type = mass_desert_layer_type();
     std::set<std::string> names;
     for (const MarramParam& param : type.params) EXPECT_TRUE(names.insert(param.name).second) << param.name;
     EXPECT_TRUE(names.contains("edit[].id") && names.contains("combine"));
 }
 
-TEST(MassDesert, a_thousand_dunes_on_2048_squared) {
+TEST(MassDesert, AThousandDunesOn2048Squared) {
     const Domain domain{2048, 2048, 1.0, 0.0, 0.0};
     const MassGround ground(domain);
     MassSettings settings;

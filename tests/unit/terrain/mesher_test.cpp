@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "procedural/terrain/mesher.h"
+#include "procedural/terrain/mesh/mesher.h"
 
 #include "core/math/hash.h"
 

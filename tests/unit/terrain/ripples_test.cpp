@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "procedural/terrain/ripples.h"
+#include "procedural/terrain/sand/ripples.h"
 
 #include "core/math/hash.h"
 

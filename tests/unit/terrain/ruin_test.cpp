@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tests of the ruin layer's documentation: extents of the zones, sand conserved exactly, slopes, rooms, wind
 // direction, identical bits at any thread count.
-#include "procedural/terrain/ruin.h"
+#include "procedural/terrain/ruin/ruin.h"
 
 #include "core/math/hash.h"
 #include "tests/unit/terrain/block_mesh.h"

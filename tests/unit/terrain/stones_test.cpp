@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tests of the stones layer's documentation: positions and sizes, facets, burial, displaced sand, local
 // edits.
-#include "procedural/terrain/stones.h"
+#include "procedural/terrain/sand/stones.h"
 
 #include "core/math/hash.h"
 

@@ -1,0 +1,186 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "core/trace/round_pieces.h"
+
+#include "core/geometry/time_step.h"
+
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
+#include <tbb/parallel_reduce.h>
+
+#include <algorithm>
+#include <cmath>
+
+namespace marram {
+
+namespace {
+
+// Intersects the ball at a corner, and keeps the nearer entry.
+void enter_ball(const Vec4d& corner, double along, const Vec3d& origin, const Vec3d& direction, double tnear,
+                Entry& entry) {
+    const Vec3d from = origin - corner.head<3>();
+    const double b = from.dot(direction), c = (from - b * direction).squaredNorm(),
+                 root2 = corner[3] * corner[3] - c;
+    if (!(root2 > 0.0)) return;
+    const double t = -b - std::sqrt(root2);
+    if (t >= tnear && t < entry.t) entry = {t, along};
+}
+
+} // namespace
+
+bool enter(const RoundPiece& piece, const Vec3d& origin, const Vec3d& direction, double tnear, Entry& entry) {
+    const Vec3d axis = (piece.end - piece.begin).head<3>();
+    const double length2 = axis.squaredNorm();
+    entry.t = std::numeric_limits<double>::infinity();
+    if (length2 > 0.0) {
+        // Across the axis |w + t d| = r + t g; the ray enters at the smaller root.
+        const Vec3d from = origin - piece.begin.head<3>();
+        const double inverse = 1.0 / length2, slope = piece.end[3] - piece.begin[3]; // for all of the piece
+        const double d = direction.dot(axis) * inverse, w = from.dot(axis) * inverse;
+        const Vec3d across = direction - d * axis, aside = from - w * axis;
+        const double g = slope * d, r = piece.begin[3] + slope * w;
+        const double a = across.squaredNorm() - g * g, b = aside.dot(across) - g * r,
+                     c = aside.squaredNorm() - r * r, root2 = b * b - a * c;
+        if (a > 0.0) {
+            if (root2 < 0.0) return false; // the balls lie within the cone
+            const double t = (-b - std::sqrt(root2)) / a, along = w + t * d;
+            if (along >= 0.0 && along <= 1.0) {
+                entry = {t, along};
+                return t >= tnear;
+            }
+        }
+    }
+    enter_ball(piece.begin, 0.0, origin, direction, tnear, entry);
+    enter_ball(piece.end, 1.0, origin, direction, tnear, entry);
+    return entry.t < std::numeric_limits<double>::infinity();
+}
+
+namespace {
+
+struct Query {
+    const World* world;
+    Vec3d origin, direction;
+    double tnear, tfar; // the ray's own
+    float time;
+    double t; // of the nearest hit
+};
+
+// A piece at a time, interpolated as in Embree, but in double.
+RoundPiece piece_of(const CurveGeometry& curves, uint32_t primitive, float time) {
+    const uint32_t per_curve = (curves.cvs_per_curve - 1) * curves.pieces;
+    const size_t first = 4 * (primitive + static_cast<size_t>(primitive / per_curve));
+    const auto corner = [&](size_t at) -> Vec4d {
+        const auto key = [&](size_t step) { return Eigen::Map<const Vec4f>(curves.round_pieces[step] + at); };
+        if (curves.round_pieces.size() < 2) return key(0).cast<double>();
+        const Step step = step_of(curves.round_pieces.size(), time);
+        const Vec4d before = key(step.first).cast<double>();
+        return before + step.within * (key(step.first + 1).cast<double>() - before);
+    };
+    RoundPiece piece{corner(first), corner(first + 4)};
+    piece.begin[3] = std::abs(piece.begin[3]); // see mark_round_pieces
+    piece.end[3] = std::abs(piece.end[3]);
+    return piece;
+}
+
+// True if the ray enters the piece that Embree has hit, at t < before.
+bool entered(const Query& query, const RTCHit& hit, double before, Entry& entry) {
+    const CurveGeometry& curves = query.world->curves[hit.geomID - query.world->meshes.size()];
+    return enter(piece_of(curves, hit.primID, query.time), query.origin, query.direction, query.tnear,
+                 entry) &&
+           entry.t < before;
+}
+
+bool is_piece(const Query& query, uint32_t geometry) {
+    const size_t meshes = query.world->meshes.size();
+    return geometry >= meshes && !query.world->curves[geometry - meshes].round_pieces.empty();
+}
+
+// An upper bound of t that includes the error of Embree's own t.
+float beyond(double t) { return static_cast<float>(t * (1.0 + 0x1p-20)); }
+
+void nearest(const RTCFilterFunctionNArguments* args) {
+    Query& query = *static_cast<Query*>(marram_query_of(args));
+    RTCRay& ray = *reinterpret_cast<RTCRay*>(args->ray);
+    RTCHit& hit = *reinterpret_cast<RTCHit*>(args->hit);
+    double t = ray.tfar;
+    if (is_piece(query, hit.geomID)) {
+        Entry entry;
+        if (!entered(query, hit, query.t, entry)) {
+            args->valid[0] = 0;
+            return;
+        }
+        hit.u = static_cast<float>(entry.along);
+        t = entry.t;
+    } else if (!(t < query.t)) {
+        args->valid[0] = 0;
+        return;
+    }
+    query.t = t;
+    ray.tfar = beyond(t + query.world->reach);
+}
+
+void any(const RTCFilterFunctionNArguments* args) {
+    const Query& query = *static_cast<Query*>(marram_query_of(args));
+    const RTCRay& ray = *reinterpret_cast<const RTCRay*>(args->ray);
+    const RTCHit& hit = *reinterpret_cast<const RTCHit*>(args->hit);
+    Entry entry;
+    const bool met = is_piece(query, hit.geomID) ? entered(query, hit, query.tfar, entry)
+                                                 : static_cast<double>(ray.tfar) <= query.tfar;
+    if (!met) args->valid[0] = 0;
+}
+
+Query query_of(const World& world, RTCRay& ray) {
+    const Query query{&world,
+                      {ray.org_x, ray.org_y, ray.org_z},
+                      {ray.dir_x, ray.dir_y, ray.dir_z},
+                      ray.tnear,
+                      ray.tfar,
+                      ray.time,
+                      ray.tfar};
+    ray.tfar = beyond(query.tfar + world.reach);
+    return query;
+}
+
+} // namespace
+
+void add_round_pieces(World& world, CurveGeometry& curves, float* vertices) {
+    const size_t pieces = (curves.cvs_per_curve - 1) * curves.pieces;
+    const double reach = tbb::parallel_reduce(
+        tbb::blocked_range<size_t>(0, curves.curve_count, 4096), 0.0,
+        [=](const auto& range, double reach) {
+            for (size_t curve = range.begin(); curve < range.end(); ++curve)
+                for (size_t i = 0; i < pieces; ++i) {
+                    const float* v = vertices + 4 * (curve * (pieces + 1) + i);
+                    const double length = (Vec3f::Map(v + 4) - Vec3f::Map(v)).norm();
+                    reach = std::max(reach, length + std::max(std::abs(v[3]), std::abs(v[7])));
+                }
+            return reach;
+        },
+        [](double a, double b) { return std::max(a, b); });
+    world.reach = std::max(world.reach, reach);
+    curves.round_pieces.push_back(vertices);
+}
+
+void mark_round_pieces(World& world) {
+    for (CurveGeometry& curves : world.curves)
+        for (float* vertices : curves.round_pieces) {
+            const size_t count = curves.curve_count * ((curves.cvs_per_curve - 1) * curves.pieces + 1);
+            tbb::parallel_for(tbb::blocked_range<size_t>(0, count, 65536), [=](const auto& range) {
+                for (size_t i = range.begin(); i < range.end(); ++i)
+                    vertices[4 * i + 3] = -std::abs(vertices[4 * i + 3]);
+            });
+        }
+}
+
+void intersect_round(const World& world, RTCRayHit& hit, bool coherent, double& t) {
+    Query query = query_of(world, hit.ray);
+    marram_intersect1_filtered(world.scene.get(), &hit, coherent ? 1 : 0, nearest, &query);
+    t = query.t;
+    hit.ray.tfar = static_cast<float>(t);
+}
+
+void occluded_round(const World& world, RTCRay& ray) {
+    Query query = query_of(world, ray);
+    marram_occluded1_filtered(world.scene.get(), &ray, any, &query);
+}
+
+} // namespace marram

@@ -1,0 +1,341 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "procedural/strands/pilot.h"
+
+#include "procedural/strands/mesh_instances.h"
+
+#include "procedural/wind/bend.h"
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+#include <vector>
+
+namespace marram {
+namespace {
+
+constexpr double safety_factor = 1.25;
+constexpr double default_tolerance_ratio = 1e-3; // of the longest strand, if the frame has no tolerance
+
+double tolerance_of(const PilotGroom& pilot) {
+    return pilot.frame.tolerance > 0.0
+               ? pilot.frame.tolerance
+               : default_tolerance_ratio * pilot.instance_scale * longest_strand(pilot.groom);
+}
+
+// A sample of a groom's roots with their blends of guides.
+struct RootSample {
+    std::vector<Root> roots;
+    std::vector<GuideBlend> blends;
+    std::optional<Guided> guided; // points into blends
+
+    RootSample(const PilotGroom& pilot, size_t most) {
+        const size_t count = std::min(most, pilot.roots.size());
+        for (size_t i = 0; i < count; ++i) {
+            roots.push_back(pilot.roots[i * pilot.roots.size() / count]);
+            if (pilot.guided) blends.push_back(pilot.guided->blends[i * pilot.roots.size() / count]);
+        }
+        if (pilot.guided) guided.emplace(Guided{pilot.guided->set, blends, pilot.guided->skin});
+    }
+    RootSample(const RootSample&) = delete;
+    RootSample& operator=(const RootSample&) = delete;
+    const Guided* guides() const { return guided ? &*guided : nullptr; }
+};
+
+// The 99th percentile; of fewer than a hundred distances the maximum.
+double percentile_99(std::vector<double>& distances) {
+    if (distances.empty()) return 0.0;
+    const auto at = distances.end() - 1 - long(distances.size() / 100);
+    std::nth_element(distances.begin(), at, distances.end());
+    return *at;
+}
+
+double distance(const Wide3f& a, const Wide3f& b, int lane) {
+    const double x = double(a.x[lane]) - double(b.x[lane]), y = double(a.y[lane]) - double(b.y[lane]),
+                 z = double(a.z[lane]) - double(b.z[lane]);
+    return std::sqrt(x * x + y * y + z * z);
+}
+
+// The 99th percentile over the strands of the greatest distance between a CV of `fine`, which has `every`
+// times as many segments, and the point of the polygon of `coarse` at the same parameter.
+double polygon_error(const WideVector<Wide3f>& coarse, const WideVector<Wide3f>& fine, size_t strands,
+                     size_t segments, size_t every) {
+    const size_t cvs = segments + 1, fine_cvs = segments * every + 1;
+    std::vector<double> distances;
+    for (size_t i = 0; i < strands; ++i) {
+        const Wide3f* a = coarse.data() + i / lanes * cvs;
+        const Wide3f* b = fine.data() + i / lanes * fine_cvs;
+        double most = 0.0;
+        for (size_t k = 0; k < fine_cvs; ++k) {
+            const size_t s = std::min(k / every, segments - 1);
+            const VFloat share = splat_float(float(k - s * every) / float(every));
+            most = std::max(most, distance(a[s] + (a[s + 1] - a[s]) * share, b[k], int(i % lanes)));
+        }
+        distances.push_back(most);
+    }
+    return percentile_99(distances);
+}
+
+// strength: of the wind that reaches the strands, 0 to 1.
+void bend_sample(const PilotGroom& pilot, const RootSample& some, double frame, int cvs, Strands& strands,
+                 double strength = 1.0) {
+    strands.resize(int(some.roots.size()), cvs, false);
+    expand(pilot.groom, pilot.wind, {pilot.bind, pilot.bind}, some.roots, strands, some.guides());
+    scale_strands(strands, pilot.instance_scale);
+    const double response = wind_response(pilot.wind) * strength;
+    for (size_t i = 0; i < strands.envelope.size(); ++i) {
+        const double u = double(i % size_t(cvs)) / double(cvs - 1);
+        strands.envelope[i] = splat_float(float(std::clamp(pilot.groom.envelope(u), 0.0, 1.0) * response));
+    }
+    if (response > 0.0 && wind_bends(pilot.wind))
+        bend(pilot.wind, frame, pilot.frame.fps, strands);
+    else
+        std::copy(strands.rest.begin(), strands.rest.end(), strands.pose.begin());
+}
+
+// Poses of jiggled strands on a static skin at the frame's last motion sample.
+WideVector<Wide3f> jiggled(const JigglePilot& pilot, double step, const JiggleWindow& window,
+                           Strands& strands) {
+    Wind wind = pilot.wind;
+    wind.collision.reset();
+    wind.jiggle->step = step;
+    MarramFrame frame = pilot.frame;
+    frame.times += frame.time_count - 1;
+    frame.time_count = 1;
+    ChainInput input{wind, pilot.envelope, frame, pilot.skin, {}, pilot.basis, window};
+    input.rest = pilot.rest;
+    const ChainFrame chain = make_chain_frame(input);
+    const auto lay_out = [&](auto, Strands& out) { pilot.expand(wind, out); };
+    ChainScratch scratch;
+    jiggle_patch(chain, {lay_out, lay_out, [](int64_t) { return true; }}, strands, scratch);
+    return std::move(scratch.jiggled[0]);
+}
+
+// Greatest error in m of the radius when the width profile is interpolated linearly over so many segments.
+double width_error(const Groom& groom, int segments) {
+    constexpr int samples = 1024;
+    double most = 0.0;
+    for (int i = 0; i <= samples; ++i) {
+        const double u = double(i) / samples, at = u * segments;
+        const int k = std::min(int(at), segments - 1);
+        const double a = groom.width_profile(double(k) / segments),
+                     b = groom.width_profile(double(k + 1) / segments);
+        most = std::max(most, std::abs(a + (b - a) * (at - k) - groom.width_profile(u)));
+    }
+    return 0.5 * groom.width * most;
+}
+
+// Fewest segments that resolve curls and frizz: six per turn.
+int segments_of_shape(const Groom& groom) {
+    double turns = 0.0;
+    if (groom.curl_radius > 0.0) turns = std::max(turns, groom.curl_turns);
+    if (groom.frizz_amplitude > 0.0) turns = std::max(turns, groom.frizz_frequency);
+    return int(std::clamp(std::ceil(6.0 * turns), 2.0, 999.0));
+}
+
+// Errors at doubling segment counts, as a function of any count.
+class SegmentErrors {
+  public:
+    // distances: [level], from `least << level` segments to twice the last of them
+    SegmentErrors(const std::vector<double>& distances, int least) : least_(least) {
+        const size_t levels = distances.size();
+        // The power by which the error falls. The finest has an error, too: with it, distances fall faster
+        // than errors at the last levels.
+        const auto power = [&](size_t level) {
+            if (level + 1 >= levels || !(distances[level + 1] > 0.0)) return 1.0;
+            return std::clamp(std::log2(distances[level] / distances[level + 1]), 1.0, 2.0);
+        };
+        for (size_t level = 0; level < levels; ++level) {
+            powers_.push_back(power(levels > 2 ? std::min(level, levels - 3) : 0));
+            errors_.push_back(distances[level] /
+                              (1.0 - std::pow(2.0, -powers_.back() * double(levels - level))));
+        }
+    }
+    double at(int segments) const {
+        size_t level = 0;
+        while (level + 1 < errors_.size() && least_ << (level + 1) <= segments) ++level;
+        return errors_[level] * std::pow(double(least_ << level) / segments, powers_[level]);
+    }
+
+  private:
+    int least_;
+    std::vector<double> errors_, powers_;
+};
+
+// The same distances of strands that jiggle, in gusts, on a static skin: while they swing, few CVs show less
+// of their shape than at rest. Raises `distances` where these are greater.
+void measure_jiggle(const PilotGroom& pilot, std::span<const double> moments, int least,
+                    std::vector<double>& distances) {
+    const RootSample some(pilot, 200); // so that two of them are beyond the 99th percentile
+    const auto levels = int(distances.size());
+    const int finest = least << levels;
+    for (const double moment : moments) {
+        MarramFrame frame = pilot.frame;
+        const double time = frame.bind_frame + moment;
+        frame.frame = time, frame.times = &time, frame.time_count = 1;
+        const double length = pilot.instance_scale * longest_strand(pilot.groom);
+        const auto pose = [&](int segments) {
+            const auto lay_out = [&](const Wind& wind, Strands& out) {
+                expand(pilot.groom, wind, {pilot.bind, pilot.bind}, some.roots, out, some.guides());
+                scale_strands(out, pilot.instance_scale);
+            };
+            const JigglePilot swinging{pilot.wind,
+                                       frame,
+                                       &pilot.skin,
+                                       pilot.groom.envelope,
+                                       pilot.groom.basis,
+                                       length,
+                                       tolerance_of(pilot),
+                                       everywhere(),
+                                       some.roots.size(),
+                                       segments + 1,
+                                       false,
+                                       lay_out};
+            Jiggle jiggle = *pilot.wind.jiggle;
+            jiggle.step = default_jiggle_step;
+            const JiggleWindow window =
+                jiggle_window(jiggle, {&time, 1}, frame.fps, 2.0 * length, frame.tolerance);
+            Strands strands;
+            strands.resize(int(some.roots.size()), segments + 1, false);
+            return window.count() > 0 ? jiggled(swinging, jiggle.step, window, strands)
+                                      : WideVector<Wide3f>{};
+        };
+        const WideVector<Wide3f> fine = pose(finest);
+        if (fine.empty()) continue; // before jiggle.start_frame
+        for (int level = 0; level < levels; ++level) {
+            const int segments = least << level;
+            double& distance = distances[size_t(level)];
+            distance = std::max(distance, polygon_error(pose(segments), fine, some.roots.size(),
+                                                        size_t(segments), size_t(finest / segments)));
+        }
+    }
+}
+
+// The error of sheltered strands, m times CVs. The sheltered share of a strand is the mean over its CVs of
+// what is 0 or 1, both ends included: up to 1 / (2 CVs) off that of the whole strand, or of its edge where
+// each CV has its own.
+double shelter_error(const PilotGroom& pilot, const RootSample& some, double frame) {
+    if (!pilot.wind.shielding) return 0.0;
+    constexpr int segments = 64;
+    constexpr double change =
+        0.1; // of the wind's strength; the pose is not linear in it, so two places are tried
+    Strands strands;
+    double error = 0.0;
+    for (const double strength : {1.0, 0.5}) {
+        bend_sample(pilot, some, frame, segments + 1, strands, strength);
+        const WideVector<Wide3f> pose = strands.pose;
+        bend_sample(pilot, some, frame, segments + 1, strands, strength - change);
+        error = std::max(error, polygon_error(strands.pose, pose, some.roots.size(), segments, 1) / change);
+    }
+    return 0.5 * pilot.wind.shielding->shield * error;
+}
+
+} // namespace
+
+Choice cvs_for(const PilotGroom& pilot) {
+    constexpr int most_segments = 999;
+    constexpr double moments[] = {0.0, 97.0, 1009.0}; // frames after bind_frame: other places in the noise
+    const int least = segments_of_shape(pilot.groom);
+    const double tolerance = tolerance_of(pilot);
+    int levels = 5; // the finest level has 2^levels times the fewest segments
+    while (levels > 1 && least << levels > 1024) --levels;
+    const int finest = least << levels;
+    const RootSample some(pilot, 171);
+    std::vector<double> distances(static_cast<size_t>(levels)); // of each level from the finest
+    Strands strands;
+    for (const double moment : moments) {
+        const double frame = pilot.frame.bind_frame + moment;
+        bend_sample(pilot, some, frame, finest + 1, strands);
+        const WideVector<Wide3f> fine = strands.pose;
+        for (int level = 0; level < levels; ++level) {
+            const int segments = least << level;
+            bend_sample(pilot, some, frame, segments + 1, strands);
+            double& distance = distances[size_t(level)];
+            distance = std::max(distance, polygon_error(strands.pose, fine, some.roots.size(),
+                                                        size_t(segments), size_t(finest / segments)));
+        }
+    }
+    if (pilot.wind.jiggle) measure_jiggle(pilot, moments, least, distances);
+    const double sheltered = shelter_error(pilot, some, pilot.frame.bind_frame + moments[0]);
+    const SegmentErrors errors(distances, least);
+    for (int segments = least; segments <= most_segments; ++segments) {
+        if (safety_factor * (errors.at(segments) + sheltered / (segments + 1)) <= tolerance &&
+            pilot.instance_scale * width_error(pilot.groom, segments) <= tolerance)
+            return {double(segments + 1), true};
+    }
+    return {double(most_segments + 1), false};
+}
+
+JigglePilot jiggle_pilot(const PilotGroom& pilot) {
+    const MarramMesh& mesh = pilot.skin;
+    Eigen::AlignedBox3d rest;
+    extend_by_rest(pilot.groom, std::span(mesh.positions[0], 3 * size_t(mesh.vertex_count)), rest);
+    if (pilot.instance_scale != 1.0)
+        rest = transformed_box(Eigen::Affine3d(Eigen::Scaling(pilot.instance_scale)), rest);
+    const Surface now{mesh.positions[0],   mesh.normals ? mesh.normals[0] : nullptr,
+                      mesh.triangles,      mesh.uvs,
+                      mesh.triangle_count, pilot.bind.attributes};
+    const auto some = std::make_shared<const RootSample>(pilot, 96);
+    return {pilot.wind,
+            pilot.frame,
+            &pilot.skin,
+            pilot.groom.envelope,
+            pilot.groom.basis,
+            pilot.instance_scale * longest_strand(pilot.groom),
+            tolerance_of(pilot),
+            rest,
+            some->roots.size(),
+            pilot.groom.cvs,
+            false,
+            [&groom = pilot.groom, bind = pilot.bind, now, some,
+             scale = pilot.instance_scale](const Wind& wind, Strands& out) {
+                expand(groom, wind, {bind, now}, some->roots, out, some->guides());
+                scale_strands(out, scale);
+            }};
+}
+
+Choice jiggle_step_for(const JigglePilot& pilot, bool skin_moves) {
+    constexpr double shortest = 1.0 / 64.0, reference_step = 0.25;
+    constexpr int64_t max_past_samples = 2048;
+    const double tolerance = pilot.tolerance;
+    const Jiggle& jiggle = *pilot.wind.jiggle;
+    const auto window_of = [&](double step) {
+        Jiggle other = jiggle;
+        other.step = step;
+        return jiggle_window(other, {pilot.frame.times + pilot.frame.time_count - 1, 1}, pilot.frame.fps,
+                             2.0 * pilot.length, pilot.frame.tolerance);
+    };
+    const Choice default_choice{default_jiggle_step, true};
+    if (skin_moves || pilot.count == 0 || !wind_moves(pilot.wind)) return default_choice;
+    const JiggleWindow default_window = window_of(default_jiggle_step);
+    if (default_window.count() == 0) return default_choice;
+    if (default_window.count() * 2 > max_past_samples) return {default_jiggle_step, false};
+    Strands strands;
+    strands.irregular = pilot.irregular;
+    strands.resize(int(pilot.count), pilot.cvs, false);
+    const WideVector<Wide3f> fine = jiggled(pilot, reference_step, window_of(reference_step), strands);
+    // Error of a step. A step half as long has a quarter of the error.
+    const auto error_of = [&](double step) {
+        const WideVector<Wide3f> coarse = jiggled(pilot, step, window_of(step), strands);
+        const double step_ratio = reference_step / step;
+        return polygon_error(coarse, fine, pilot.count, size_t(pilot.cvs - 1), 1) /
+               (1.0 - step_ratio * step_ratio);
+    };
+    double step = default_jiggle_step, error = error_of(step);
+    if (fine.empty()) return default_choice; // before jiggle.start_frame
+    while (!jiggle.start_frame && step < 2.0 && safety_factor * error <= tolerance) {
+        const double error_of_longer = error_of(2.0 * step);
+        if (safety_factor * error_of_longer > tolerance) break;
+        step *= 2.0;
+        error = error_of_longer;
+    }
+    int64_t past_samples = default_window.count();
+    while (safety_factor * error > tolerance) {
+        if (step <= shortest || past_samples * 2 > max_past_samples) return {step, false};
+        step *= 0.5;
+        error *= 0.25;
+        past_samples *= 2;
+    }
+    return {step, true};
+}
+
+} // namespace marram

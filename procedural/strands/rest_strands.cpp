@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "procedural/strands/rest_strands.h"
+
+namespace marram {
+
+void transform_to_instance(const GroomInstance& instance, const MeshInstance& mesh_instance, uint32_t time,
+                           Strands& strands) {
+    transform_strands(mesh_instance, mesh_instance.transform(time), instance.wind.noise_at_bind_frame,
+                      strands);
+}
+
+RestStrandSource rest_strand_source(const GroomInstance& instance, const MeshInstance& mesh_instance,
+                                    LayOutStrands lay_out, StageClock* clock) {
+    const auto transform_at = [&instance, &mesh_instance](int64_t past_sample) -> const Eigen::Affine3d& {
+        return mesh_instance.past_transform(size_t(past_sample - instance.past.window.first));
+    };
+    return {[&instance, &mesh_instance, lay_out, clock](uint32_t time, Strands& strands) {
+                StageClock not_measured;
+                const StageTimer timer((clock ? *clock : not_measured).expand);
+                lay_out(instance.poses(time).now, strands);
+                transform_to_instance(instance, mesh_instance, time, strands);
+            },
+            [&instance, &mesh_instance, lay_out, transform_at](int64_t past_sample, Strands& strands) {
+                Surface then = instance.past.at(past_sample, *instance.mesh);
+                then.attributes = instance.attributes;
+                lay_out(then, strands);
+                transform_strands(mesh_instance, transform_at(past_sample), instance.wind.noise_at_bind_frame,
+                                  strands);
+            },
+            [&instance, transform_at](int64_t past_sample) {
+                return instance.past.unchanged_at(past_sample) &&
+                       transform_at(past_sample).matrix() == transform_at(past_sample - 1).matrix();
+            }};
+}
+
+} // namespace marram

@@ -1,0 +1,104 @@
+// SPDX-License-Identifier: Apache-2.0
+// What grown strands (groom) and imported ones (strands) share: a frame of the wind's chain on rest strands.
+// Where rest strands come from, and what only one of the two has, the derived classes say in the hooks below.
+#pragma once
+
+#include "procedural/abi/border.h"
+#include "procedural/strands/mesh_instances.h"
+#include "procedural/strands/past.h"
+#include "procedural/strands/pilot.h"
+#include "procedural/strands/strand_calls.h"
+#include "procedural/wind/chain.h"
+
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+namespace marram {
+
+// Settings that the tolerance chooses.
+struct Automatic {
+    bool cvs = false, rays = false, step = false;
+};
+
+struct StrandInstance : Instance {
+    Wind wind; // includes the settings chosen for the frame
+    Automatic automatic;
+    uint64_t values_digest = 0; // of all values
+    std::optional<ChosenFor> chosen_for;
+    std::vector<std::string> inexact; // settings, with their values, that do not reach the tolerance
+
+    MarramFrame frame{};
+    std::vector<MarramMesh> meshes;           // the frame's
+    const MarramMesh* mesh = nullptr;         // that strands grow on or are bound to; nullptr: not bound
+    std::vector<MeshInstance> mesh_instances; // the mesh and its instances; one if strands are not bound
+    uint32_t time_count = 1;                  // motion samples that the chain computes
+    ChainFrame chain;
+    ColliderTrees trees;
+    PastSkin past; // its window is used even without a skin
+    GustStart gust_start;
+    bool gusts_checked = false;      // for gusts that touch nothing
+    Eigen::AlignedBox3d gust_bounds; // of the strands in the last frame begun, if there are gusts
+    double choosing_seconds = 0.0, prepare_seconds = 0.0; // wall time within begin
+    std::optional<double> announced;                      // the frame for which long work was announced
+    Workers workers;
+
+    virtual ~StrandInstance() = default;
+
+    MarramOutput begin(LentFrame lent);
+    std::string summary() const;
+    void report(const ReportSink& sink);
+
+    uint32_t mesh_index() const { return uint32_t(mesh - meshes.data()); }
+    bool instances_move() const { // within the shutter
+        return std::ranges::any_of(mesh_instances, &MeshInstance::moves);
+    }
+    void warn(const std::string& id, const std::string& what, const std::string& remedy) const {
+        send(host, MARRAM_WARNING, id.c_str(), place(), what, remedy);
+    }
+
+  protected:
+    // Stores new values of the wind: what was chosen and checked for the old ones is void.
+    void take_wind(Wind given);
+    void announce_long_work(int64_t past_samples);
+
+    // ---- Hooks: constant data
+    virtual const char* type() const = 0;         // for ids of messages
+    virtual const std::string& place() const = 0; // of messages that concern all strands
+    virtual const std::string& skin_name() const = 0;
+
+    // ---- Hooks: a frame
+    // Finds mesh and mesh_instances, and places or binds the strands if they are not yet or no longer.
+    virtual void lay_out() = 0;
+    virtual Eigen::AlignedBox3d bounds_without_meshes() const { return {}; } // of strands, if no mesh is lent
+    virtual double longest() const = 0; // upper bound of strands on any instance, m
+    virtual void choose_cvs() {} // by the frame's tolerance, if automatic.cvs; and what depends on the count
+    virtual int fewest_cvs() const = 0; // of a strand
+    // Strands that are evaluated to choose the step of jiggle.
+    virtual JigglePilot pilot(double tolerance) const = 0;
+    virtual bool moves() const = 0;                         // rest strands, within the shutter
+    virtual bool curves_move() const { return false; }      // imported strands, in their file, at any time
+    virtual double travel_of_curves() const { return 0.0; } // of those in the last 256 frames, roughly, m
+    virtual LongWork work() const = 0; // CVs of the frame, and the remedy if there are many
+    virtual ChainFrame make_chain() = 0;
+    virtual Eigen::AlignedBox3d bounds() const = 0; // of all strands, for gusts
+    virtual void finish_frame() {}                  // warnings, and what else the frame needs
+    virtual MarramOutput output() = 0;
+
+    // ---- Hooks: statistics
+    struct Bytes {
+        size_t shared = 0;          // kept once for all instances, except StrandInstance::past
+        size_t own = 0;             // for the instances of a mesh, except what StrandInstance holds
+        size_t peak_of_placing = 0; // of placing roots, before anything else is allocated
+    };
+    virtual Bytes bytes() const = 0;
+    virtual void report_own(const ReportSink& sink) const = 0;
+
+  private:
+    void choose_settings();
+    PastSkin read_jiggle_past();
+    bool moves_in_window();
+};
+
+} // namespace marram

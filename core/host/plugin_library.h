@@ -3,28 +3,13 @@
 // procedural in a scene see core/host/plugin_host.h.
 #pragma once
 
+#include "core/host_values/declarations.h"
 #include "core/plugin/marram_plugin.h"
-#include "core/scene/description.h"
 
 #include <string>
 #include <vector>
 
 namespace marram {
-
-// An element type of a typed list of tables.
-struct ProceduralItemType {
-    MarramItemType item{};
-    std::vector<MarramParam> params;
-};
-
-// Declaration of a procedural. Its pointers point into the library.
-struct ProceduralType {
-    MarramProcedural calls{};
-    std::vector<MarramParam> params;
-    std::vector<MarramAttribute> attributes; // of every instance
-    std::vector<ProceduralItemType> item_types;
-    std::string unusable; // why this version cannot host it; "" if it can
-};
 
 class PluginLibrary {
   public:

@@ -1,8 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * The types of parameters, for both sides of the contract. A new type is an enumerator and a row of the table in
- * this header, and what core/scene/param_types.h names for marram's own host. Only if its numbers are written in
- * a way of their own, as those of a ramp are, marram_host.h needs a function that reads them.
+ * this header, and what core/scene/param_types.h names for hosts.
  */
 #ifndef MARRAM_TYPES_H
 #define MARRAM_TYPES_H
@@ -54,7 +53,8 @@ enum {
     MARRAM_OR_SCALAR = 4, /* as text, a single number may stand for all of them */
     MARRAM_ASCENDING = 8, /* from number to number; equal ones are allowed */
     MARRAM_NOT_NEGATIVE = 16,
-    MARRAM_ITEMS = 32 /* one or more items of so many numbers; the first number strictly ascends from item to item */
+    MARRAM_ITEMS =
+        32 /* one or more items of so many numbers; the first number strictly ascends from item to item */
 };
 
 /* How values of a type are checked. */
@@ -120,7 +120,7 @@ typedef enum MarramValueFault {
     MARRAM_GOOD = 0,
     MARRAM_WRONG_COUNT,  /* of numbers */
     MARRAM_WRONG_NUMBER, /* *index: of the number */
-    MARRAM_WRONG_ORDER,  /* numbers[*index] is less than the one before, or not greater than that of the item before */
+    MARRAM_WRONG_ORDER, /* numbers[*index] is less than the one before, or not greater than that of the item before */
     MARRAM_WRONG_TEXT
 } MarramValueFault;
 

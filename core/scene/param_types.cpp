@@ -113,6 +113,14 @@ bool read_one_choice(const toml::node& node, const ParamSpec& spec, const std::s
     return read_choice(node, split(spec.choices, '|'), label, value.text, reading);
 }
 
+// "mesh|procedural" -> "a mesh or a procedural"; "curves" has no singular.
+std::string kinds(const std::string& choices) {
+    std::string text;
+    for (const std::string& kind : split(choices, '|'))
+        text += (text.empty() ? "" : " or ") + ((kind == "curves" ? "" : "a ") + kind);
+    return text;
+}
+
 std::string any_or(const std::string& limits, const char* any) { return limits.empty() ? any : limits; }
 
 // [ParamType]
@@ -150,7 +158,7 @@ constexpr std::array rows = {
                  [](const ParamSpec&) -> std::string { return "the path of an image, in quotes"; }},
     ParamTypeRow{ParamType::reference, "reference", "name of a", true, read_reference,
                  [](const ParamSpec& spec) {
-                     return fmt::format("the name of a {}, in quotes{}", spec.choices,
+                     return fmt::format("the name of {}, in quotes{}", kinds(spec.choices),
                                         spec.each ? ", or a list of such names" : "");
                  }},
     ParamTypeRow{ParamType::texts, "", "list of text", false, read_texts,

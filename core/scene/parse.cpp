@@ -93,6 +93,16 @@ std::optional<Place> deep_key(std::string_view text) {
     return {};
 }
 
+toml::table parse_value(std::string_view text, const std::string& source) {
+    if (deep_key(text)) return {};
+    try {
+        toml::table table = toml::parse(fmt::format("value = {}", text), std::string_view(source));
+        if (table.size() == 1) return table;
+    } catch (const toml::parse_error&) {
+    }
+    return {};
+}
+
 toml::table parse_scene(Reading& reading) {
     const std::string text = read_file(reading.file);
     if (text.find_first_not_of(" \t\r\n") == std::string::npos)

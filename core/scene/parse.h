@@ -18,6 +18,10 @@ constexpr size_t most_parts = 17; // of a dotted key; the deepest valid key has 
 // stack. So the parts are counted before parsing, by a scan that understands strings and comments.
 std::optional<Place> deep_key(std::string_view text);
 
+// Parses `value = <text>`, with `source` as the path of its nodes. Returns an empty table if <text> is not a
+// single value.
+toml::table parse_value(std::string_view text, const std::string& source);
+
 // Applies "key=value" settings to the tree. Mistakes are reported, and the other settings still applied.
 //   film.samples=4            a key, dotted where tables nest; missing tables are added
 //   mesh.hill.file="x.obj"    light, material, mesh and procedural are addressed by name

@@ -25,18 +25,6 @@ std::string as_string(std::string_view text) {
     return out + "\"";
 }
 
-// Parses `value = <text>`, with `source` as the path of its nodes. Returns an empty table if <text> is not a
-// single value.
-toml::table parse_value(std::string_view text, const std::string& source) {
-    if (deep_key(text)) return {};
-    try {
-        toml::table table = toml::parse(fmt::format("value = {}", text), std::string_view(source));
-        if (table.size() == 1) return table;
-    } catch (const toml::parse_error&) {
-    }
-    return {};
-}
-
 // One step into the tree: a key of a table or, with a number, an element of a list.
 struct Step {
     std::string key;

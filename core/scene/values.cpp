@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/scene/values.h"
 #include "core/scene/param_types.h"
+#include "core/scene/parse.h"
 #include "core/scene/suggest.h"
 #include "core/scene/words.h"
 
@@ -11,22 +12,14 @@
 #include <limits>
 
 namespace marram {
-namespace {
 
-// Parses `value = <initial>`. Text-like types may leave out quotes; blanks around a value are ignored.
-toml::table default_table(const ParamSpec& spec) {
+toml::table value_table(const ParamSpec& spec, std::string_view given) {
     constexpr std::string_view blanks = " \t\r\n";
-    const size_t first = std::min(spec.initial.find_first_not_of(blanks), spec.initial.size());
-    const std::string text = spec.initial.substr(first, spec.initial.find_last_not_of(blanks) + 1 - first);
+    const size_t first = std::min(given.find_first_not_of(blanks), given.size());
+    const std::string_view text = given.substr(first, given.find_last_not_of(blanks) + 1 - first);
     const bool bare = row_of(spec.type).is_text && text.find_first_of("\"'") != 0;
-    try {
-        return toml::parse(bare ? fmt::format("value = '''{}'''", text) : "value = " + text);
-    } catch (const toml::parse_error&) {
-        return {};
-    }
+    return parse_value(bare ? fmt::format("'''{}'''", text) : std::string(text), "");
 }
-
-} // namespace
 
 std::optional<double> read_number(const toml::node& node, double minimum, double maximum,
                                   const std::string& label, const std::string& fix, Reading& reading) {
@@ -104,7 +97,7 @@ std::optional<ParamValue> default_value(const ParamSpec& spec, const std::string
     if (is_new) {
         Reading aside;
         aside.file = reading.file;
-        const toml::table parsed = default_table(spec);
+        const toml::table parsed = value_table(spec, spec.initial);
         if (const toml::node* node = parsed.get("value"))
             entry->second = read_value(*node, spec, label, aside);
         if (!entry->second)

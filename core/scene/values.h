@@ -11,9 +11,12 @@ namespace marram {
 std::optional<ParamValue> read_value(const toml::node& node, const ParamSpec& spec, const std::string& label,
                                      Reading& reading);
 
-// The declared default, parsed like a user's value. "" and "none" mean that there is no default. Text-like
-// types may leave out quotes. An invalid default, for example of a procedural library, is reported as the
-// mistake of its owner.
+// Parses the text of a value of this parameter into a table whose only key is `value`; empty if it is no value.
+// Blanks around it are ignored. Text-like types may leave out quotes.
+toml::table value_table(const ParamSpec& spec, std::string_view text);
+
+// The declared default, parsed like a user's value. "" and "none" mean that there is no default. An invalid
+// default, for example of a procedural library, is reported as the mistake of its owner.
 std::optional<ParamValue> default_value(const ParamSpec& spec, const std::string& label, const Place& table,
                                         Reading& reading);
 

@@ -22,7 +22,7 @@ import numpy as np
 
 HERE = Path(__file__).resolve().parent
 sys.dont_write_bytecode = True
-sys.path[:0] = [str(HERE), str(HERE.parents[1] / "core/plugin/blender")]
+sys.path[:0] = [str(HERE), str(HERE.parents[1] / "core/integrations/blender")]
 
 import addon_utils  # noqa: E402
 import scenes  # noqa: E402

@@ -13,7 +13,7 @@ import bpy
 import numpy as np
 
 HERE = Path(__file__).resolve().parent
-ADDON = HERE.parents[1] / "core/plugin/blender/marram_blender"
+ADDON = HERE.parents[1] / "core/integrations/blender/marram_blender"
 MARRAM = os.environ["MARRAM"]
 CV_LIMIT = 1e-6  # of the scene's size
 sys.path.insert(0, str(HERE))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-# Installs into a folder, moves it, and builds and runs core/plugin/example against it: its CVs must be bit-identical to those that the
+# Installs into a folder, moves it, and builds and runs core/integrations/example against it: its CVs must be bit-identical to those that the
 # installed program bakes. cmake -D SOURCE=... -D BUILD=... -D WORK=... -D CC=... -D CXX=... -P installed.cmake
 cmake_minimum_required(VERSION 3.25)
 
@@ -34,7 +34,7 @@ set(plugin ${prefix}/lib/marram/libmarram_procedural.so)
 
 # No installed file contains a path of this machine. The program finds the image library next to the plug-in; all others are system libraries.
 run(1 COMMAND grep -rlF -e ${BUILD} -e ${SOURCE} ${prefix})
-foreach(binary ${program} ${plugin} ${prefix}/lib/marram/libmarram_images.so)
+foreach(binary ${program} ${plugin} ${prefix}/lib/marram/libmarram_images.so ${prefix}/lib/libmarram_host.so)
   run(0 COMMAND readelf -d ${binary})
   string(REGEX MATCHALL "R(UN)?PATH[^\n]*" paths "${out}")
   if(paths AND NOT (binary STREQUAL program AND paths MATCHES "^RUNPATH\\) +Library runpath: .\\$ORIGIN/../lib/marram.$"))
@@ -83,7 +83,7 @@ separate_arguments(libraries UNIX_COMMAND "${out}")
 run(0 ENV PKG_CONFIG_PATH=${prefix}/lib/pkgconfig COMMAND pkg-config --variable=plugin marram)
 string(STRIP "${out}" out)
 run(0 COMMAND ${CC} -std=c99 ${flags} "-DPLUGIN=\"${out}\"" ${example}/host.c -o linked ${libraries})
-run(0 COMMAND ${WORK}/linked meadow.ppm linked.bin)
+run(0 ENV LD_LIBRARY_PATH=${prefix}/lib COMMAND ${WORK}/linked meadow.ppm linked.bin)
 run(0 COMMAND cmp linked.bin strands.bin)
 
 # Manual pages, completion and sample scenes with their page.

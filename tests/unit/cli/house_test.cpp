@@ -14,16 +14,21 @@ namespace {
 
 const fs::path source = MARRAM_SOURCE_DIR;
 const std::string plugin = MARRAM_BINARY_DIR "/libmarram_procedural.so";
+const std::string host_library = MARRAM_BINARY_DIR "/libmarram_host.so";
 
 // Which module includes which. A module may always include itself.
 const std::map<std::string, std::set<std::string>> rules = {
     {"core/math", {}},
     {"core/plugin", {}},
+    {"core/integrations", {"core/plugin"}},
     {"core/scene", {"core/math"}},
     {"core/image", {"core/math"}},
+    {"core/host_values", {"core/math", "core/plugin", "core/scene"}},
     {"core/geometry", {"core/math", "core/plugin", "core/scene"}},
     {"core/read", {"core/math", "core/plugin", "core/image", "core/geometry"}},
-    {"core/host", {"core/math", "core/plugin", "core/scene", "core/image", "core/geometry", "core/read"}},
+    {"core/host",
+     {"core/math", "core/plugin", "core/scene", "core/host_values", "core/image", "core/geometry",
+      "core/read"}},
     {"core/trace", {"core/math", "core/plugin", "core/geometry"}},
     {"core/world", {"core/math", "core/plugin", "core/geometry", "core/host", "core/trace"}},
     {"core/write", {"core/math", "core/image", "core/geometry", "core/read"}},
@@ -310,6 +315,24 @@ TEST(Plugin, ExportsItsEntryPointAlone) {
     const std::vector<std::string> symbols = lines(output_of("nm -D --defined-only " + plugin));
     ASSERT_EQ(symbols.size(), 1u) << fmt::format("{}", fmt::join(symbols, "\n"));
     EXPECT_TRUE(symbols[0].ends_with(" T marram_library")) << symbols[0];
+}
+
+TEST(HostLibrary, ExportsWhatItsHeaderDeclares) {
+    static const std::regex declaration("MARRAM_HOST_API [^;{]*?\\b(marram_\\w+)\\(");
+    const std::string header = read_file(source / "core/plugin/marram_host.h");
+    std::set<std::string> declared, exported;
+    for (std::sregex_iterator match(header.begin(), header.end(), declaration), end; match != end; ++match)
+        declared.insert((*match)[1]);
+    for (const std::string& line : lines(output_of("nm -D --defined-only " + host_library)))
+        exported.insert(line.substr(line.rfind(' ') + 1));
+    EXPECT_GT(declared.size(), 10u);
+    EXPECT_EQ(exported, declared);
+}
+
+TEST(HostLibrary, NeedsNoRenderer) {
+    const std::string needed = output_of("readelf -d " + host_library + " | grep NEEDED");
+    for (const char* library : {"embree", "tbb", "openvdb", "OpenImageIO", "tinyobjloader"})
+        EXPECT_EQ(needed.find(library), std::string::npos) << needed;
 }
 
 // A host that replaces malloc or operator new replaces it for the plug-in too.

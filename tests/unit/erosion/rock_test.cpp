@@ -2,6 +2,7 @@
 // The procedural "rock" as used by the renderer. The wear itself is tested in tests/unit/erosion.
 #include "tests/unit/world/build_scene.h"
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <unistd.h>

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Compares the values that core/plugin/marram_host.h makes for any host with those of the renderer's own
-// host.
+// Compares the values that libmarram_host.so (core/plugin/marram_host.h) makes for any host with those of the
+// renderer's own host.
 #include "tests/unit/world/build_scene.h"
 
 #include "core/host/contract_values.h"
@@ -14,6 +14,12 @@
 #include <gtest/gtest.h>
 
 #include <array>
+#include <chrono>
+#include <clocale>
+#include <cstddef>
+#include <cstring>
+#include <limits>
+#include <locale>
 #include <memory>
 #include <random>
 
@@ -34,6 +40,17 @@ using HostValues = std::unique_ptr<MarramHostValues, decltype(&marram_values_fre
 
 HostValues host_values(const ProceduralType& type) {
     return HostValues(marram_values_new(&type.calls), marram_values_free);
+}
+
+// Values of a procedural like `type` with this parameter alone.
+HostValues values_of(const MarramParam& param, const ProceduralType& type) {
+    MarramProcedural calls = type.calls;
+    calls.params = &param;
+    calls.param_count = 1;
+    calls.param_stride = sizeof param;
+    calls.item_types = nullptr;
+    calls.item_type_count = 0;
+    return HostValues(marram_values_new(&calls), marram_values_free);
 }
 
 struct Plain { // a value without its pointers
@@ -283,7 +300,7 @@ TEST(HostValues, ReadWhatAScenesLoaderReads) {
             for (const ItemSchema& schema : schemas)
                 for (const ParamSpec& one : schema.params)
                     if (schema.type == type.calls.name && one.name == param.name) spec = one;
-            const HostValues values = host_values(type);
+            const HostValues values = values_of(param, type);
             for (int round = 0; round < 40; ++round) {
                 const size_t kind = random() % (more.size() + 4);
                 std::string text = kind < more.size() ? more[kind] : param.initial;
@@ -304,12 +321,10 @@ TEST(HostValues, ReadWhatAScenesLoaderReads) {
                 EXPECT_EQ(good, theirs.has_value()) << param.name << " = " << text;
                 (good ? taken : refused) += 1;
                 if (!good || !theirs) continue;
-                const MarramHostSetting* setting = marram_host_find_setting(values.get(), param.name);
-                ASSERT_NE(setting, nullptr);
-                EXPECT_EQ(std::vector<double>(setting->numbers, setting->numbers + setting->number_count),
-                          theirs->numbers)
-                    << param.name << " = " << text;
-                EXPECT_EQ(setting->text, theirs->text) << param.name << " = " << text;
+                const auto ours = by_name(marram_values_finish(values.get(), nullptr));
+                ASSERT_TRUE(ours.contains(param.name));
+                EXPECT_EQ(ours.at(param.name).numbers, theirs->numbers) << param.name << " = " << text;
+                EXPECT_EQ(ours.at(param.name).text, theirs->text) << param.name << " = " << text;
             }
         }
     EXPECT_GT(taken, 500u);
@@ -322,14 +337,16 @@ const ProceduralType& groom_of(const PluginLibrary& library) { return *library.f
 TEST(HostValues, MayHaveBlanksAround) {
     const auto library = own_library();
     const HostValues values = host_values(groom_of(*library));
-    const std::vector<std::array<const char*, 3>> texts = {{"shape", "  ribbon ", "ribbon"},
-                                                           {"on", " \"the ground\"\t", "the ground"},
+    for (const char* needed : {"length", "width"})
+        EXPECT_EQ(marram_set(values.get(), needed, " 0.1"), MARRAM_OK) << needed;
+    EXPECT_EQ(marram_set(values.get(), "count", " 12 "), MARRAM_OK);
+    const std::vector<std::array<const char*, 3>> texts = {{"on", " \"the ground\"\t", "the ground"},
+                                                           {"shape", "  ribbon ", "ribbon"},
                                                            {"basis", "bspline\r\n", "bspline"}};
     for (const auto& [name, given, text] : texts) {
         EXPECT_EQ(marram_set(values.get(), name, given), MARRAM_OK) << name;
-        EXPECT_STREQ(marram_host_find_setting(values.get(), name)->text, text);
+        EXPECT_EQ(by_name(marram_values_finish(values.get(), nullptr))[name].text, text);
     }
-    EXPECT_EQ(marram_set(values.get(), "count", " 12 "), MARRAM_OK);
     EXPECT_EQ(marram_set(values.get(), "shape", " rib bon "), MARRAM_ERROR);
 }
 
@@ -361,13 +378,13 @@ TEST(HostValues, TellEveryMistakeAtOnce) {
     const std::vector<std::string> expected = {
         "host.c:7: wind.spede is unknown: did you mean \"wind.speed\"?",
         "host.c:7: frequency is unknown: did you mean \"frizz.frequency\"?",
-        "host.c:7: count is 2.5: give a whole number from 1 to 4e+08",
+        "host.c:7: count is 2.5: give a whole number from 1 to 4e8",
         "host.c:7: seed is -1: give a whole number from 0 to",
-        "host.c:7: length is 1, 0.5: give the lower number first",
-        "host.c:7: shape is ribon: did you mean \"ribbon\"?",
-        "host.c:7: envelope is linear of 0 numbers: give [[position, value], ...]",
-        "host.c:7: clump.profile is cubic of 2 numbers: give [[position, value], ...]",
-        "host.c:7: on is 1: give the name of a mesh",
+        "host.c:7: length runs from 1 down to 0.5: give the lower number first",
+        "host.c:7: shape is the text \"ribon\": did you mean \"ribbon\"?",
+        "host.c:7: envelope is an empty list: give [[position, value], ...]",
+        "host.c:7: clump.profile.interpolation is the text \"cubic\": known are linear, smooth, constant",
+        "host.c:7: on is 1: give the name of a mesh or a procedural",
         "host.c:7: density_mask is \"a.png\": read the file, and hand it over by marram_set_grid()",
         "host.c:7: wind.gusts.control[1].strenght is unknown: did you mean "
         "\"wind.gusts.control[].strength\"?",
@@ -391,7 +408,9 @@ TEST(HostValues, TellEveryMistakeAtOnce) {
     told = {};
     EXPECT_EQ(marram_values_finish(v, &host), nullptr);
     ASSERT_EQ(told.ids, std::vector<std::string>{"host.missing"});
-    EXPECT_TRUE(told.lines[0].starts_with(": on is missing: give the name of a mesh: ")) << told.lines[0];
+    EXPECT_TRUE(
+        told.lines[0].starts_with(": on is missing: give the name of a mesh or a procedural, in quotes: "))
+        << told.lines[0];
     EXPECT_EQ(marram_set_text(v, "on", "ground"), MARRAM_OK);
     EXPECT_EQ(marram_set_number(v, "length", 0.5), MARRAM_OK);
     told = {};
@@ -415,7 +434,7 @@ TEST(HostValues, OfTypedElementsNeedTheirType) {
     EXPECT_TRUE(told.lines[0].starts_with(
         ": layer[0].amplitude is set before the type of its element: set layer[0].type first, one of "))
         << told.lines[0];
-    EXPECT_EQ(told.lines[1], ": layer[0].type is nois: did you mean \"noise\"?");
+    EXPECT_EQ(told.lines[1], ": layer[0].type is the text \"nois\": did you mean \"noise\"?");
     EXPECT_EQ(marram_set(v, "layer[0].type", "\"noise\""), MARRAM_OK);
     EXPECT_EQ(marram_set(v, "layer[0].amplitude", "3"), MARRAM_OK);
     const auto noise = by_name(marram_values_finish(v, nullptr));
@@ -461,8 +480,8 @@ TEST(HostValues, PassAttributesOfCurves) {
     type.calls.destroy(strands);
 }
 
-// A type with items needs a reader of its own in marram_host.h.
 TEST(HostValues, ReadEveryTypeOfTheContract) {
+    const auto library = own_library();
     for (int type = 0; type < MARRAM_PARAM_TYPE_COUNT; ++type) {
         const MarramTypeForm& form = *marram_type_form(MarramParamType(type));
         ASSERT_NE(form.name, nullptr) << type;
@@ -472,13 +491,267 @@ TEST(HostValues, ReadEveryTypeOfTheContract) {
         if (form.flags & MARRAM_ZERO_OR_ONE) written = "true";
         if (form.flags & MARRAM_ITEMS) written = form.numbers == 2 ? "[[0, 1]]" : "{ translate = [0, 1, 2] }";
         if (form.text != MARRAM_NO_TEXT && form.numbers == 0) written = "name";
-        MarramHostParsed parsed{};
-        EXPECT_TRUE(marram_host_read(MarramParamType(type), written.c_str(), &parsed)) << form.name;
         const MarramParam param{"p", MarramParamType(type), "", "", -10, 10, "name|other", "", "", ""};
-        EXPECT_EQ(marram_host_fault(&param, &parsed), MARRAM_GOOD) << form.name;
-        marram_host_free_parsed(&parsed);
+        const HostValues values = values_of(param, groom_of(*library));
+        EXPECT_EQ(marram_set(values.get(), "p", written.c_str()), MARRAM_OK) << form.name;
+        const auto found = by_name(marram_values_finish(values.get(), nullptr));
+        ASSERT_EQ(found.count("p"), 1u) << form.name;
+        EXPECT_EQ(found.at("p").type, type);
     }
     EXPECT_EQ(marram_type_form(MARRAM_PARAM_TYPE_COUNT), nullptr);
+}
+
+// NULL for every argument in turn, and texts that would be wrong only later in a scene.
+TEST(HostValues, RefuseWhatIsMissing) {
+    const auto library = own_library();
+    const HostValues values = host_values(groom_of(*library));
+    MarramHostValues* v = values.get();
+    const double number = 1;
+    EXPECT_EQ(marram_values_new(nullptr), nullptr);
+    MarramProcedural none{};
+    EXPECT_EQ(marram_values_new(&none), nullptr);
+    marram_values_free(nullptr);
+    marram_values_place(nullptr, "a");
+    marram_values_place(v, nullptr);
+    marram_reset(nullptr, "on");
+    marram_reset(v, nullptr);
+    marram_reset(v, "never.set");
+    EXPECT_EQ(marram_values_finish(nullptr, nullptr), nullptr);
+    EXPECT_EQ(marram_add(nullptr, "layer", nullptr), -1);
+    EXPECT_EQ(marram_add(v, nullptr, nullptr), -1);
+    for (MarramHostValues* of : {v, static_cast<MarramHostValues*>(nullptr)})
+        for (const char* name : {"on", static_cast<const char*>(nullptr)}) {
+            if (of && name) continue;
+            EXPECT_EQ(marram_set(of, name, "1"), MARRAM_ERROR);
+            EXPECT_EQ(marram_set_number(of, name, 1), MARRAM_ERROR);
+            EXPECT_EQ(marram_set_numbers(of, name, &number, 1), MARRAM_ERROR);
+            EXPECT_EQ(marram_set_text(of, name, "a"), MARRAM_ERROR);
+            EXPECT_EQ(marram_set_ramp(of, name, &number, 1, "linear"), MARRAM_ERROR);
+            EXPECT_EQ(marram_set_keys(of, name, &number, 1, "linear"), MARRAM_ERROR);
+            EXPECT_EQ(marram_set_grid(of, name, nullptr, nullptr, nullptr), MARRAM_ERROR);
+            EXPECT_EQ(marram_set_curves(of, name, "a", nullptr, 0), MARRAM_ERROR);
+        }
+    EXPECT_EQ(marram_set(v, "on", nullptr), MARRAM_ERROR);
+    EXPECT_EQ(marram_set_text(v, "on", nullptr), MARRAM_ERROR);
+    EXPECT_EQ(marram_set_curves(v, "on", nullptr, nullptr, 0), MARRAM_ERROR);
+    EXPECT_EQ(marram_set_numbers(v, "length", nullptr, 1), MARRAM_ERROR);
+    EXPECT_EQ(marram_set_ramp(v, "envelope", nullptr, 2, "linear"), MARRAM_ERROR);
+    EXPECT_EQ(marram_set_ramp(v, "envelope", nullptr, 0, nullptr), MARRAM_ERROR);
+    EXPECT_EQ(marram_set_keys(v, "envelope", nullptr, 10, "linear"), MARRAM_ERROR);
+    EXPECT_EQ(marram_set_grid(v, "density_mask", nullptr, nullptr, "a"), MARRAM_ERROR);
+    EXPECT_EQ(marram_set_text(v, "on", ""), MARRAM_ERROR);
+    EXPECT_EQ(marram_set(v, "on", "\"a\\u0000b\""), MARRAM_ERROR); // a zero byte would end the name
+    EXPECT_EQ(marram_values_finish(v, nullptr), nullptr);
+}
+
+TEST(HostValues, AreLentAsTheyWereHandedOver) {
+    const auto library = own_library();
+    const HostValues values = host_values(groom_of(*library));
+    MarramHostValues* v = values.get();
+    const float pixels[2] = {0, 1};
+    MarramGrid grid{"mask", 2, 1, 1, 5, {}, {}, pixels};
+    MarramPlacement placement{};
+    placement.size = sizeof placement;
+    EXPECT_EQ(marram_set_grid(v, "density_mask", &grid, &placement, "mask.png"), MARRAM_ERROR);
+    EXPECT_EQ(marram_set_grid(v, "length", &grid, &placement, "mask.png"), MARRAM_ERROR);
+    grid.components = 1;
+    marram_values_place(v, "host.txt:3");
+    EXPECT_EQ(marram_set_grid(v, "density_mask", &grid, &placement, "mask.png"), MARRAM_OK);
+    marram_values_place(v, "host.txt:4");
+    const double length[] = {0.1, 0.3};
+    const double keys[] = {7, 0.5, 0, 0.5, 0, 90, 0, 1, 2, -1, 9, 0, 0, 0, 0, 0, 0, 1, 1, 1};
+    EXPECT_EQ(marram_set_numbers(v, "length", length, 2), MARRAM_OK);
+    EXPECT_EQ(marram_set_number(v, "width", 0.01), MARRAM_OK);
+    EXPECT_EQ(marram_set_number(v, "count", 3), MARRAM_OK);
+    EXPECT_EQ(marram_set_text(v, "on", "ground"), MARRAM_OK);
+    const char* transform = "wind.gusts.control[0].transform";
+    EXPECT_EQ(marram_set_keys(v, transform, keys, 19, "smooth"), MARRAM_ERROR);
+    EXPECT_EQ(marram_set_keys(v, transform, keys, 20, "constant"), MARRAM_ERROR);
+    EXPECT_EQ(marram_set_keys(v, transform, keys, 20, "smooth"), MARRAM_OK);
+    EXPECT_EQ(marram_set_ramp(v, "envelope", length, 2, "constant"), MARRAM_OK);
+    MessageLog told;
+    const MarramHost host = told.host();
+    const MarramValues* all = marram_values_finish(v, &host);
+    ASSERT_NE(all, nullptr) << fmt::format("{}", fmt::join(told.lines, "\n"));
+    const auto found = by_name(all);
+    EXPECT_EQ(found.at("length").numbers, std::vector<double>(length, length + 2));
+    EXPECT_EQ(found.at("count").numbers, std::vector<double>{3});
+    EXPECT_EQ(found.at(transform).numbers, std::vector<double>(keys, keys + 20));
+    EXPECT_EQ(found.at(transform).text, "smooth");
+    EXPECT_EQ(found.at("envelope").numbers, std::vector<double>(length, length + 2));
+    EXPECT_EQ(found.at("envelope").text, "constant");
+    std::map<std::string, std::string> places;
+    for (uint32_t i = 0; i < all->count; ++i) {
+        const auto* one = MARRAM_AT(MarramValue, all->first, all->stride, i);
+        places[one->name] = one->place;
+        if (one->name != std::string("density_mask")) continue;
+        EXPECT_EQ(one->grid, &grid);
+        EXPECT_EQ(one->placement, &placement);
+        EXPECT_STREQ(one->text, "mask.png");
+    }
+    EXPECT_EQ(places.at("density_mask"), "host.txt:3");
+    EXPECT_EQ(places.at("width"), "host.txt:4");
+    EXPECT_EQ(places.at("wind.gusts.control[0].strength"), "host.txt:4"); // the place of its element
+    EXPECT_EQ(places.at("seed"), "");
+}
+
+// A decimal comma, in the locale of the C and of the C++ library, changes neither values nor messages.
+TEST(HostValues, DoNotDependOnTheLocale) {
+    struct Comma : std::numpunct<char> {
+        char do_decimal_point() const override { return ','; }
+        char do_thousands_sep() const override { return '.'; }
+        std::string do_grouping() const override { return "\3"; }
+    };
+    const auto library = own_library();
+    const auto run = [&] {
+        const HostValues values = host_values(groom_of(*library));
+        MarramHostValues* v = values.get();
+        EXPECT_EQ(marram_set(v, "length", "[0.125, 1.5e-1]"), MARRAM_OK);
+        EXPECT_EQ(marram_set(v, "width", "0.01"), MARRAM_OK);
+        EXPECT_EQ(marram_set(v, "count", "12345"), MARRAM_OK);
+        EXPECT_EQ(marram_set(v, "on", "a"), MARRAM_OK);
+        std::map<std::string, Plain> all = by_name(marram_values_finish(v, nullptr));
+        EXPECT_EQ(all.at("length").numbers, (std::vector<double>{0.125, 0.15}));
+        EXPECT_EQ(marram_set(v, "width", "0,01"), MARRAM_ERROR);
+        EXPECT_EQ(marram_set_number(v, "count", 12345.5), MARRAM_ERROR);
+        MessageLog told;
+        const MarramHost host = told.host();
+        marram_values_finish(v, &host);
+        return std::pair(all, told.lines);
+    };
+    const auto plain = run();
+    EXPECT_EQ(plain.second.size(), 2u);
+    const std::locale before = std::locale::global(std::locale(std::locale(), new Comma));
+    const std::string c_locale = std::setlocale(LC_ALL, nullptr);
+    for (const char* name : {"de_DE.UTF-8", "de_DE.utf8", "fr_FR.UTF-8"}) // if the machine has one of them
+        if (std::setlocale(LC_ALL, name)) break;
+    const auto commas = run();
+    std::setlocale(LC_ALL, c_locale.c_str());
+    std::locale::global(before);
+    EXPECT_TRUE(commas == plain) << fmt::format("{}", fmt::join(commas.second, "\n"));
+}
+
+// A search through all elements for each of them would take minutes.
+TEST(HostValues, MayHaveThousandsOfElements) {
+    const auto library = own_library();
+    const HostValues terrain = host_values(*library->find("terrain")),
+                     grass = host_values(groom_of(*library));
+    for (const char* name : {"length", "width", "count"})
+        EXPECT_EQ(marram_set_number(grass.get(), name, 1), MARRAM_OK) << name;
+    EXPECT_EQ(marram_set(grass.get(), "on", "a"), MARRAM_OK);
+    constexpr int count = 10000;
+    const auto start = std::chrono::steady_clock::now();
+    for (int i = 0; i < count; ++i) {
+        const std::string layer = fmt::format("layer[{}]", i),
+                          gust = fmt::format("wind.gusts.control[{}]", i);
+        ASSERT_EQ(marram_add(terrain.get(), "layer", "noise"), i);
+        ASSERT_EQ(marram_set_number(terrain.get(), (layer + ".amplitude").c_str(), i), MARRAM_OK);
+        ASSERT_EQ(marram_set(terrain.get(), (layer + ".amplitud").c_str(), "1"), MARRAM_ERROR);
+        ASSERT_EQ(marram_add(grass.get(), "wind.gusts.control", nullptr), i);
+        ASSERT_EQ(marram_set(grass.get(), (gust + ".strength").c_str(), "0.5"), MARRAM_OK);
+    }
+    const auto all = by_name(marram_values_finish(grass.get(), nullptr));
+    EXPECT_EQ(all.at("wind.gusts.control[9999].strength").numbers, std::vector<double>{0.5});
+    EXPECT_GT(all.size(), 3u * count);
+    MessageLog told;
+    const MarramHost host = told.host();
+    EXPECT_EQ(marram_values_finish(terrain.get(), &host), nullptr);
+    EXPECT_EQ(told.lines.size(), size_t(count));
+    const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - start;
+    EXPECT_LT(seconds.count(), 60.0);
+}
+
+// Deep nesting, control characters, huge numbers and random bytes, as names and as values.
+TEST(HostValues, SurviveGarbage) {
+    const auto library = own_library();
+    std::mt19937 random(7);
+    const std::string quotes(3, '\'');
+    std::string dots = "a";
+    for (int i = 0; i < 100000; ++i) dots += ".a";
+    std::vector<std::string> texts = {std::string(100000, '['),
+                                      std::string(100000, '{'),
+                                      std::string(1000000, '9'),
+                                      std::string(1000000, 'x'),
+                                      "{ " + dots + " = 1 }",
+                                      dots,
+                                      quotes,
+                                      quotes + "\n" + dots + " = " + quotes,
+                                      "\"\"\"",
+                                      "1\nb = 2",
+                                      "{}\n[value.a]",
+                                      "[1]\n[[value]]",
+                                      "1e999",
+                                      "nan",
+                                      "-inf",
+                                      "99999999999999999999",
+                                      "0x7fffffffffffffff",
+                                      "1979-05-27T07:32:00Z",
+                                      "\x01\x02\x7f",
+                                      "\xff\xfe\xc0\x80",
+                                      "\"\\ud800\"",
+                                      "# only a comment",
+                                      "",
+                                      " ",
+                                      "\r",
+                                      "[[[[0, 1]]]]",
+                                      "layer[0]",
+                                      "%s%n"};
+    const std::string letters = "[]{}=.,\"'\\#\n0e-+_a";
+    for (int i = 0; i < 400; ++i) {
+        std::string& text = texts.emplace_back();
+        for (size_t size = random() % 40; size > 0; --size)
+            text += i % 2 == 0 ? char(1 + random() % 255) : letters[random() % letters.size()];
+    }
+    const std::vector<std::string> fields = {
+        "on",       "count",          "length",        "shape",
+        "envelope", "density_mask",   "mesh",          "wind.gusts.control[0].transform",
+        "curves",   "wind.direction", "layer[0].type", "layer[0].amplitude"};
+    const double numbers[10] = {1e308, -1e308, std::numeric_limits<double>::quiet_NaN(), 0, 1, 2, 3, 4, 5, 6};
+    for (const ProceduralType& type : library->types()) {
+        const HostValues values = host_values(type);
+        MarramHostValues* v = values.get();
+        for (const std::string& text : texts) {
+            for (const std::string& field : fields) {
+                marram_set(v, field.c_str(), text.c_str());
+                marram_set_text(v, field.c_str(), text.c_str());
+            }
+            const char* field = fields[random() % fields.size()].c_str();
+            marram_set(v, text.c_str(), "1");
+            marram_set_numbers(v, field, numbers, random() % 10);
+            marram_set_ramp(v, field, numbers, random() % 10, text.c_str());
+            marram_set_keys(v, field, numbers, 10, text.c_str());
+            marram_set_curves(v, field, text.c_str(), nullptr, 1);
+            marram_add(v, text.c_str(), text.c_str());
+            marram_add(v, "layer", text.c_str());
+            marram_set(v, ("layer[0]." + text).c_str(), "1");
+            marram_set(v, (text + "[0].a").c_str(), "1");
+            marram_set(v, ("wind.gusts.control[" + text + "].strength").c_str(), "1");
+            marram_reset(v, text.c_str());
+        }
+        MessageLog told;
+        const MarramHost host = told.host();
+        EXPECT_EQ(marram_values_finish(v, &host), nullptr) << type.calls.name;
+        EXPECT_GT(told.lines.size(), 100u);
+        for (const std::string& line : told.lines) {
+            EXPECT_EQ(line.find_first_of("\n\r\x01\x7f"), std::string::npos) << line;
+            EXPECT_LT(line.size(), 2000u) << line;
+        }
+        EXPECT_EQ(std::ranges::count(told.ids, "host.memory"), 0);
+    }
+}
+
+TEST(HostValues, ReportThatMemoryIsShort) {
+    const auto library = own_library();
+    const HostValues values = host_values(groom_of(*library));
+    const double number = 1;
+    EXPECT_EQ(marram_set_numbers(values.get(), "length", &number, SIZE_MAX / 4), MARRAM_ERROR);
+    MessageLog told;
+    const MarramHost host = told.host();
+    EXPECT_EQ(marram_values_finish(values.get(), &host), nullptr);
+    EXPECT_EQ(std::ranges::count(told.ids, "host.memory"), 1);
+    told = {};
+    EXPECT_EQ(marram_values_finish(values.get(), &host), nullptr);
+    EXPECT_EQ(std::ranges::count(told.ids, "host.memory"), 0); // said once
 }
 
 TEST(HostValues, FindAProcedural) {
@@ -495,6 +768,13 @@ TEST(HostValues, FindAProcedural) {
     EXPECT_EQ(marram_find_procedural(&library, "groom", &host, &found), MARRAM_OK);
     EXPECT_EQ(found.create, one.create);
     EXPECT_TRUE(told.lines.empty());
+    EXPECT_EQ(marram_load_procedural(default_library.c_str(), "groom", &host, &found), MARRAM_OK);
+    EXPECT_STREQ(found.name, "groom");
+    EXPECT_EQ(marram_load_procedural("/nowhere/lib.so", "groom", &host, &found), MARRAM_ERROR);
+    EXPECT_EQ(marram_load_procedural(nullptr, "groom", &host, &found), MARRAM_ERROR);
+    EXPECT_EQ(marram_load_procedural(default_library.c_str(), nullptr, &host, &found), MARRAM_ERROR);
+    EXPECT_EQ(told.ids, (std::vector<std::string>{"host.library", "host.library"}));
+    EXPECT_TRUE(told.lines[0].ends_with(": give the path of a procedural library")) << told.lines[0];
     const auto refuses = [&](const MarramLibrary* given, const char* name, const std::string& line) {
         told = {};
         EXPECT_EQ(marram_find_procedural(given, name, &host, &found), MARRAM_ERROR);
@@ -513,16 +793,71 @@ TEST(HostValues, FindAProcedural) {
         fmt::format(
             ": the library was built with Embree {}, this host with Embree {}: build both with one Embree",
             MARRAM_EMBREE_MAJOR + 1, MARRAM_EMBREE_MAJOR));
+    other = library;
+    other.procedural_stride = 0;
+    refuses(&other, "groom", ": the library has an array whose stride is 0: give the size of its elements");
+    other.size = 0;
+    refuses(&other, "groom",
+            ": the library has not set MarramLibrary.size: set it to the size of the struct");
     one.param_count = 1;
-    refuses(&library, "groom",
-            ": \"groom\" cannot be used: it has a parameter of a type that this version of the contract does "
-            "not know: use a "
-            "library and a host of one version");
+    refuses(
+        &library, "groom",
+        ": \"groom\" cannot be used: its parameter p has a type that this version of the contract does not "
+        "know: use a library and a host of one version");
     one.param_count = 0, one.begin = nullptr;
     refuses(&library, "groom",
             ": \"groom\" cannot be used: it lacks a function that the contract asks for: use a library and a "
             "host of one "
             "version");
+}
+
+// Structs of a host that was compiled with an older header are smaller, those of a newer one larger.
+TEST(HostValues, WorkWithHostsOfOtherHeaders) {
+    const auto library = own_library();
+    MarramProcedural one = groom_of(*library).calls;
+    MarramLibrary lent{MARRAM_ABI_VERSION, MARRAM_EMBREE_MAJOR, sizeof(MarramLibrary), "l", "1"};
+    lent.procedurals = &one, lent.procedural_count = 1, lent.procedural_stride = sizeof one;
+    struct {
+        MarramProcedural known;
+        char more[64];
+    } larger;
+    const size_t old_size = offsetof(MarramProcedural, item_types);
+    for (const size_t size : {old_size, sizeof larger}) {
+        std::memset(&larger, 0x55, sizeof larger);
+        ASSERT_EQ(
+            marram_find_procedural_for(MARRAM_EMBREE_MAJOR, &lent, "groom", nullptr, &larger.known, size),
+            MARRAM_OK);
+        EXPECT_EQ(larger.known.create, one.create);
+        const char* bytes = reinterpret_cast<const char*>(&larger);
+        const size_t copied = std::min(size, sizeof one);
+        EXPECT_EQ(std::count(bytes + copied, bytes + size, 0), std::ptrdiff_t(size - copied));
+        EXPECT_EQ(std::count(bytes + size, bytes + sizeof larger, 0x55),
+                  std::ptrdiff_t(sizeof larger - size));
+        const HostValues values(marram_values_new_for(&larger.known, size), marram_values_free);
+        ASSERT_NE(values, nullptr);
+        EXPECT_EQ(marram_set(values.get(), "count", "7"), MARRAM_OK);
+    }
+    // The attributes of curves have the stride that the host gives.
+    struct {
+        MarramAttribute known;
+        double more;
+    } attributes[2] = {{{"wet", 1, MARRAM_PER_CURVE}, 0}, {{"dry", 1, MARRAM_PER_CURVE}, 0}};
+    const HostValues values = host_values(*library->find("strands"));
+    EXPECT_EQ(
+        marram_set_curves_for(values.get(), "curves", "line", &attributes[0].known, 2, sizeof *attributes),
+        MARRAM_OK);
+    EXPECT_EQ(marram_set(values.get(), "width", "0.01"), MARRAM_OK);
+    const MarramValues* all = marram_values_finish(values.get(), nullptr);
+    ASSERT_NE(all, nullptr);
+    int found = 0;
+    for (uint32_t i = 0; i < all->count; ++i) {
+        const auto* value = MARRAM_AT(MarramValue, all->first, all->stride, i);
+        if (value->attribute_count == 0) continue;
+        const auto* second = MARRAM_AT(MarramAttribute, value->attributes, value->attribute_stride, 1);
+        EXPECT_STREQ(second->name, "dry");
+        ++found;
+    }
+    EXPECT_EQ(found, 1);
 }
 
 TEST(HostHelper, LendsMeshesThatDoNotMove) {

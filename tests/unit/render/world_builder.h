@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Small worlds for tests, built directly with Embree as in core/geometry.
+// Small worlds for tests, built directly with Embree as in core/world.
 #pragma once
 
 #include "core/geometry/world.h"

@@ -19,7 +19,7 @@ std::string lawn_with_house(const std::string& house, const std::string& grass =
            mesh("house", "box", "size = [1, 1, 1]\n" + house) +
            groom("grass", "ground", "density = 25\ncvs = 4\n" + grass);
 }
-const std::string on_ground = "transform = { translate = [0, 0.5, 0] }\n";
+const std::string stands_on_it = "transform = { translate = [0, 0.5, 0] }\n";
 
 uint64_t strands_of(TestScene& scene, bool under_the_house) {
     const World world = scene.build();
@@ -45,7 +45,7 @@ bool warns(const TestScene& scene, const std::string& text) {
 } // namespace
 
 TEST(CoveredRoots, AreLeftOutAndNamed) {
-    const uint64_t all = strands_of(lawn_with_house(on_ground, "clear_of = \"none\"\n"));
+    const uint64_t all = strands_of(lawn_with_house(stands_on_it, "clear_of = \"none\"\n"));
     for (const char* place : {"0.5", "0", "-0.499"}) { // on the ground, half sunk, almost sunk
         TestScene scene(lawn_with_house(std::string("transform = { translate = [0, ") + place + ", 0] }\n"));
         EXPECT_EQ(strands_of(scene, true), 0u) << place;
@@ -59,7 +59,7 @@ TEST(CoveredRoots, AreLeftOutAndNamed) {
 
 // Roots are placed once, at the motion samples that choose the keys: what is said then must not be lost.
 TEST(CoveredRoots, AreNamedOnceWithMotionBlur) {
-    TestScene scene(lawn_with_house(on_ground, "", "speed = 4\ncollision = { solver = \"exact\" }\n"));
+    TestScene scene(lawn_with_house(stands_on_it, "", "speed = 4\ncollision = { solver = \"exact\" }\n"));
     scene.settings.shutter_open = -0.25;
     scene.settings.shutter_close = 0.25;
     scene.settings.motion_keys = 0; // chosen by the tolerance
@@ -74,16 +74,16 @@ TEST(CoveredRoots, AreNamedOnceWithMotionBlur) {
 }
 
 TEST(CoveredRoots, StayWhereNothingCoversThemForGood) {
-    const uint64_t all = strands_of(lawn_with_house(on_ground, "clear_of = \"none\"\n"));
+    const uint64_t all = strands_of(lawn_with_house(stands_on_it, "clear_of = \"none\"\n"));
     const std::string keys = "transform = { keys = [{ frame = 1, translate = [0, 0.5, 0] }, "
                              "{ frame = 9, translate = [9, 0.5, 0] }] }\n";
     EXPECT_EQ(strands_of(lawn_with_house(keys)), all) << "the house drives away";
-    EXPECT_EQ(strands_of(lawn_with_house(on_ground + "collides = false\n")), all);
-    EXPECT_EQ(strands_of(lawn_with_house(on_ground, "", "")), all) << "nothing collides";
+    EXPECT_EQ(strands_of(lawn_with_house(stands_on_it + "collides = false\n")), all);
+    EXPECT_EQ(strands_of(lawn_with_house(stands_on_it, "", "")), all) << "nothing collides";
     EXPECT_EQ(strands_of(lawn_with_house("transform = { translate = [0, 1, 0] }\n")), all) << "on stilts";
     EXPECT_EQ(strands_of(lawn_with_house("transform = { translate = [0, -0.51, 0] }\n")), all) << "buried";
     // An update that moves the house places the roots again.
-    TestScene scene(lawn_with_house(on_ground));
+    TestScene scene(lawn_with_house(stands_on_it));
     EXPECT_EQ(strands_of(scene, true), 0u);
     scene.geometry.meshes[1].transform =
         KeyedTransform(std::vector<double>{1, 1.2, 0.5, 0, 0, 0, 0, 1, 1, 1}, "linear");
@@ -92,7 +92,7 @@ TEST(CoveredRoots, StayWhereNothingCoversThemForGood) {
 }
 
 TEST(CoveredRoots, StayWhereFacesLookAtThem) {
-    const uint64_t all = strands_of(lawn_with_house(on_ground, "clear_of = \"none\"\n"));
+    const uint64_t all = strands_of(lawn_with_house(stands_on_it, "clear_of = \"none\"\n"));
     enum Faces { as_made, turned };
     const auto among = [](const std::string& type, const std::string& more, Faces faces) {
         TestScene scene(lawn_with_house("collides = false\n") + mesh("other", type, more));
@@ -120,8 +120,8 @@ TEST(CoveredRoots, StayWhereFacesLookAtThem) {
 TEST(CoveredRoots, StayIfTheMeshHasInstances) {
     const std::string copies = "instances = [{ transform = { translate = [6, 0, 0] } }]\n",
                       collide = "collision = { solver = \"exact\" }\n";
-    const uint64_t all = strands_of(lawn_with_house(on_ground, "clear_of = \"none\"\n"));
-    TestScene scene(lawn_with_house(on_ground, "", collide, copies));
+    const uint64_t all = strands_of(lawn_with_house(stands_on_it, "clear_of = \"none\"\n"));
+    TestScene scene(lawn_with_house(stands_on_it, "", collide, copies));
     EXPECT_EQ(strands_of(scene, false), 2 * all);
     EXPECT_EQ(scene.stats.report("roots.covered"), 0.0);
     EXPECT_TRUE(warns(scene,
@@ -130,7 +130,7 @@ TEST(CoveredRoots, StayIfTheMeshHasInstances) {
     EXPECT_FALSE(warns(scene, "are left out"));
     for (const char* more : {"clear_of = \"none\"\n", ""}) {
         TestScene quiet(
-            lawn_with_house(*more ? on_ground : on_ground + "collides = false\n", more, collide, copies));
+            lawn_with_house(*more ? stands_on_it : stands_on_it + "collides = false\n", more, collide, copies));
         EXPECT_EQ(strands_of(quiet, false), 2 * all);
         EXPECT_FALSE(warns(quiet, "strands stay")) << more;
     }

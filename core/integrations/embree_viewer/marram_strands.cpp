@@ -6,7 +6,6 @@
 #include <marram/marram_host.h>
 
 #include <deque>
-#include <dlfcn.h>
 #include <map>
 
 namespace embree {
@@ -23,12 +22,8 @@ void ok(MarramStatus status) {
 }
 
 MarramProcedural load_groom() {
-    void* library = dlopen(PLUGIN, RTLD_NOW | RTLD_LOCAL); // step 1; it stays loaded
-    void* entry = library ? dlsym(library, MARRAM_ENTRY_POINT) : nullptr;
-    if (!entry) throw std::runtime_error(dlerror());
     MarramProcedural groom;
-    const auto* found = reinterpret_cast<MarramLibraryFunction>(entry)(MARRAM_ABI_VERSION);
-    ok(marram_find_procedural(found, "groom", &host, &groom));
+    ok(marram_load_procedural(PLUGIN, "groom", &host, &groom)); // step 1
     return groom;
 }
 

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * A host of about 150 lines of code that needs only Embree: renders grass in the wind on a square of ground.
+ * A host of about 150 lines of code that needs only Embree and libmarram_host: renders grass in the wind on a square of ground.
  *
  *   host meadow.ppm strands.bin
  *
@@ -9,6 +9,11 @@
  * refer to ../README.md.
  */
 #include <marram/marram_host.h>
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
 
 enum { width = 320, height = 180, ground_id = 0, grass_id = 1 };
 enum { spare_floats = 4 }; /* Embree reads beyond the end of buffers */

@@ -17,7 +17,7 @@ endif()
 
 install(TARGETS marram RUNTIME COMPONENT program)
 install(TARGETS marram_images LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR}/marram COMPONENT program)
-install(DIRECTORY core/plugin/blender/marram_blender DESTINATION ${CMAKE_INSTALL_DATADIR}/marram/blender COMPONENT program
+install(DIRECTORY core/integrations/blender/marram_blender DESTINATION ${CMAKE_INSTALL_DATADIR}/marram/blender COMPONENT program
         PATTERN __pycache__ EXCLUDE)
 # Sample scenes with the files that they name, and the page that explains them; not its pictures.
 install(DIRECTORY scenes/ DESTINATION ${CMAKE_INSTALL_DATADIR}/marram/scenes COMPONENT program
@@ -49,16 +49,19 @@ install(CODE "
   file(INSTALL \"${marram_MADE}/_marram\" DESTINATION \"\${data}/zsh/\${zsh}\")
 " COMPONENT program)
 install(TARGETS marram_procedural LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR}/marram COMPONENT plugin)
+# Hosts are linked with it, so it is where the linker looks. Its number is that of the contract.
+set_target_properties(marram_host PROPERTIES SOVERSION ${marram_ABI_VERSION})
+install(TARGETS marram_host LIBRARY COMPONENT plugin NAMELINK_COMPONENT development)
 install(FILES core/plugin/embree.h core/plugin/marram_types.h core/plugin/marram_plugin.h
               core/plugin/marram_host.h
         DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/marram COMPONENT development)
 
 include(CMakePackageConfigHelpers)
-configure_package_config_file(core/plugin/marram-config.cmake.in ${CMAKE_BINARY_DIR}/installed/marram-config.cmake
+configure_package_config_file(core/integrations/marram-config.cmake.in ${CMAKE_BINARY_DIR}/installed/marram-config.cmake
                               INSTALL_DESTINATION ${marram_CONFIG_FOLDER}
                               PATH_VARS CMAKE_INSTALL_INCLUDEDIR CMAKE_INSTALL_LIBDIR)
 write_basic_package_version_file(${CMAKE_BINARY_DIR}/installed/marram-config-version.cmake COMPATIBILITY SameMinorVersion)
-configure_file(core/plugin/marram.pc.in ${CMAKE_BINARY_DIR}/installed/marram.pc @ONLY)
+configure_file(core/integrations/marram.pc.in ${CMAKE_BINARY_DIR}/installed/marram.pc @ONLY)
 install(FILES ${CMAKE_BINARY_DIR}/installed/marram-config.cmake ${CMAKE_BINARY_DIR}/installed/marram-config-version.cmake
         DESTINATION ${marram_CONFIG_FOLDER} COMPONENT development)
 install(FILES ${CMAKE_BINARY_DIR}/installed/marram.pc DESTINATION ${CMAKE_INSTALL_LIBDIR}/pkgconfig COMPONENT development)
@@ -82,7 +85,8 @@ Renders and bakes scenes whose grooms are expanded and blown while the
 scene is built.")
 set(CPACK_COMPONENT_PLUGIN_DESCRIPTION "wind on hair, fur and grass, and deserts, for any renderer
 The procedural library that marram loads. Other renderers load it, too: it
-needs Embree, and nothing of marram.")
+needs Embree, and nothing of marram. With it comes the library that sets its
+values by name.")
 set(CPACK_COMPONENT_DEVELOPMENT_DESCRIPTION "wind on hair, fur and grass: headers for renderers
 The contract between a renderer and a procedural library as C headers, with
 CMake and pkg-config files and an example of a host.")
@@ -98,7 +102,7 @@ foreach(part PROGRAM PLUGIN DEVELOPMENT)
   string(TOLOWER ${part} component)
   install(FILES .LICENSE DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/${marram_${part}_PACKAGE} RENAME copyright COMPONENT ${component})
 endforeach()
-install(FILES core/plugin/README.md DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/${marram_DEVELOPMENT_PACKAGE} COMPONENT development)
-install(DIRECTORY core/plugin/example core/plugin/embree_viewer
+install(FILES core/integrations/README.md DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/${marram_DEVELOPMENT_PACKAGE} COMPONENT development)
+install(DIRECTORY core/integrations/example core/integrations/embree_viewer
         DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/${marram_DEVELOPMENT_PACKAGE} COMPONENT development)
 include(CPack)

@@ -21,6 +21,27 @@ bool has_attribute_buffers(const Buffers& buffers, size_t attribute_count) {
 
 } // namespace
 
+MarramStatus report_exception(const MarramHost& host, const std::string& subject, const char* less) {
+    const auto fault = [&](const std::string& id, const std::string& what, const char* remedy) {
+        send(host, MARRAM_FAULT, id.c_str(), "", what, remedy);
+    };
+    constexpr const char* bug = "report it as a bug of the library";
+    try {
+        throw;
+    } catch (const SceneFault& error) {
+        send(host, MARRAM_FAULT, error.id.c_str(), error.place, error.what(), error.remedy);
+    } catch (const std::bad_alloc&) {
+        fault(subject + ".memory", "there is not enough memory for the " + subject, less);
+    } catch (const UnsetSize& error) {
+        fault("contract.size", error.what(), "set it to the size of the struct");
+    } catch (const std::exception& error) {
+        fault(subject + ".internal", error.what(), bug);
+    } catch (...) {
+        fault(subject + ".internal", "an exception of an unknown type", bug);
+    }
+    return MARRAM_ERROR;
+}
+
 void check_patch_buffers(const MarramPatchBuffers* buffers, uint32_t time_count, bool oriented,
                          size_t attribute_count) {
     if (buffers) check_size(buffers);

@@ -44,31 +44,29 @@ struct ReportSink {
     void operator()(const std::string& path, double value) const { sink(user, path.c_str(), value); }
 };
 
+// Sends the message of the exception that is being handled.
+MarramStatus report_exception(const MarramHost& host, const std::string& subject, const char* less);
+
 // Runs the body of a call, its loops on the host's executor, and turns exceptions into messages to the
-// host. subject: e.g. "groom", for message ids and texts. less: the remedy if memory runs out.
+// host. subject: e.g. "groom", for message ids and texts. less: the remedy if memory runs out. An error
+// without a message: there was no memory for it.
 template <typename Body>
-MarramStatus guarded(const MarramHost& host, const char* subject, const char* less, Body&& body) {
-    const std::string name = subject;
-    const ExecutorScope executor(&host);
+MarramStatus guarded(const MarramHost& host, const char* subject, const char* less, Body&& body) noexcept {
     try {
-        body();
-        return MARRAM_OK;
-    } catch (const Cancelled&) {
-        return MARRAM_CANCELLED;
-    } catch (const Reported&) {
+        const ExecutorScope executor(&host);
+        try {
+            body();
+            return MARRAM_OK;
+        } catch (const Cancelled&) {
+            return MARRAM_CANCELLED;
+        } catch (const Reported&) {
+            return MARRAM_ERROR;
+        } catch (...) {
+            return report_exception(host, subject, less);
+        }
+    } catch (...) {
         return MARRAM_ERROR;
-    } catch (const SceneFault& fault) {
-        send(host, MARRAM_FAULT, fault.id.c_str(), fault.place, fault.what(), fault.remedy);
-    } catch (const std::bad_alloc&) {
-        send(host, MARRAM_FAULT, (name + ".memory").c_str(), "", "there is not enough memory for the " + name,
-             less);
-    } catch (const UnsetSize& fault) {
-        send(host, MARRAM_FAULT, "contract.size", "", fault.what(), "set it to the size of the struct");
-    } catch (const std::exception& error) {
-        send(host, MARRAM_FAULT, (name + ".internal").c_str(), "", error.what(),
-             "report it as a bug of the library");
     }
-    return MARRAM_ERROR;
 }
 
 // True if create() has a host with its callbacks and a place for the instance. Reports what is missing if the

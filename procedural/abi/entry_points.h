@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// The C entry points of a procedural, made from a class. What the host passes is checked here and nowhere
-// else: the class gets arguments that are complete, throws SceneFault with what is wrong, and Cancelled where
-// the host has asked it to stop. No exception crosses the C interface.
+// The C entry points of a procedural, made from a class. What any procedural needs of the host is checked
+// here; what only one needs, such as a function that poses curves, it checks itself. The class throws
+// SceneFault with what is wrong, and Cancelled where the host has asked it to stop. No exception crosses the
+// C interface.
 //
 // The class derives from Instance and has the members
 //     static constexpr const char *name, *help;  // `name`: the type in scene files
@@ -12,9 +13,9 @@
 //     uint32_t update(std::span<const MarramValue>, uint32_t inputs); // takes others; returns a MarramChange
 //     MarramOutput begin(LentFrame);             // the frame's output
 //     void report(const ReportSink&);            // statistics since begin
-// and one or both of
-//     static type_attributes();                  // MarramAttribute that all instances have
-//     attribute_list() const;                    // those of this instance
+// and, for its MarramAttribute, one or both of
+//     static type_attributes();                  // those of every instance
+//     attribute_list() const;                    // all of this instance, if its values add some
 // Curves:
 //     uint32_t patch_count() const, time_count; bool oriented() const; // of the output
 //     MarramPatch patch(uint32_t index) const;   // its bounds

@@ -13,6 +13,7 @@ void StrandInstance::take_wind(Wind given) {
     automatic.rays = wind.shielding && wind.shielding->spread > 0.0 && wind.shielding->rays == 0;
     automatic.step = wind.jiggle && wind.jiggle->step == 0.0;
     chosen_for.reset();
+    announced.reset();
     gust_start = {};
     gusts_checked = false;
     begun = false;

@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include <atomic>
 #include <functional>
 #include <random>
 
@@ -508,6 +509,50 @@ TEST_F(FaultyHost, BeginsAFrameAfterItsPreparation) {
     }
 }
 
+TEST_F(FaultyHost, IsToldOfStatesThatAreNotThere) {
+    Settings settings = settings_of("rock");
+    settings.insert(settings.end(), {{"levels", "1"}, {"voxel", "0.1"}, {"years", "10"}});
+    TestedProcedural called(*library->find("rock"), world, settings);
+    called.create();
+    const MarramFrame frame = world.frame();
+    MarramStates states{};
+    called.expect_error(called.calls.prepare(called.instance, &frame, &states), "contract.size", "no size");
+    states.size = offsetof(MarramStates, store); // of a host that knows no more
+    states.load = [](void*, double, MarramState*) {
+        ADD_FAILURE() << "called beyond the size";
+        return MARRAM_ERROR;
+    };
+    called.expect_error(called.calls.prepare(called.instance, &frame, &states), "contract.null_states",
+                        "no functions");
+}
+
+// A host that cancels begin() at any of its questions, and begins again: what was half chosen is chosen anew.
+TEST_F(FaultyHost, MayCancelAFrameAnywhere) {
+    static std::atomic<int> questions; // until it cancels
+    Settings settings = settings_of("groom");
+    settings.insert(settings.end(), {{"cvs", "0"}, {"wind.shielding.spread", "20"}});
+    const auto make = [&] {
+        auto called = std::make_unique<TestedProcedural>(*library->find("groom"), world, settings);
+        called->host.cancelled = [](void*) { return questions.fetch_sub(1) <= 0 ? 1 : 0; };
+        questions = 1 << 30;
+        called->create();
+        return called;
+    };
+    const std::string whole = make()->evaluate();
+    size_t cancelled = 0;
+    for (int at = 0;; ++at) {
+        const auto called = make();
+        questions = at;
+        const MarramStatus status = called->begin(world.frame());
+        questions = 1 << 30;
+        ASSERT_EQ(called->evaluate(), whole) << "cancelled at question " << at;
+        if (status == MARRAM_OK) break;
+        EXPECT_EQ(status, MARRAM_CANCELLED);
+        ++cancelled;
+    }
+    EXPECT_GT(cancelled, 3u);
+}
+
 TEST_F(FaultyHost, IsToldOfCallsOutOfOrder) {
     for (const ProceduralType& type : library->types()) {
         TestedProcedural called(type, world);
@@ -557,6 +602,16 @@ TEST_F(FaultyHost, IsToldOfCallsOutOfOrder) {
             called.expect_error(calls.view_mesh(called.instance, &mesh_buffers), "contract.no_view",
                                 "view_mesh");
             EXPECT_EQ(called.view_mesh(), seen);
+            called.expect_ok(calls.begin_view(called.instance, &view, &output));
+            called.expect_ok(called.begin(world.frame())); // a new frame has no view yet
+            called.expect_error(calls.view_mesh(called.instance, &mesh_buffers), "contract.no_view",
+                                "view_mesh");
+            called.expect_ok(calls.begin_view(called.instance, &view, &output));
+            const MarramUpdate nothing{sizeof(MarramUpdate), called.good, 0};
+            uint32_t changed = 0;
+            called.expect_ok(calls.update(called.instance, &nothing, &changed));
+            called.expect_error(calls.view_mesh(called.instance, &mesh_buffers), "contract.no_view",
+                                "view_mesh");
         }
         MarramFrame frame = world.frame();
         frame.fps = -1.0;

@@ -4,6 +4,7 @@
 #include "core/math/known_part.h"
 #include "core/math/nearest_point.h"
 #include "core/math/vec.h"
+#include "procedural/abi/param.h"
 #include "procedural/abi/values.h"
 
 #include <fmt/format.h>
@@ -171,7 +172,7 @@ class Declarations {
     }
 
   private:
-    static constexpr MarramParam item_type_{"type", MARRAM_TEXT, "", "", 0, 0, "", "", nullptr, nullptr};
+    static constexpr MarramParam item_type_ = param::text("type", "", "");
     std::span<const MarramItemType> items_;
     std::unordered_map<std::string_view, const MarramParam*> plain_;
     std::unordered_map<std::string, std::string_view> types_; // "layer[2].type" -> the element's type

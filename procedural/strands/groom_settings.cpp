@@ -29,6 +29,7 @@
 
 #include "core/math/digest.h"
 #include "core/math/udim.h"
+#include "procedural/abi/param.h"
 
 #include <algorithm>
 #include <array>
@@ -40,84 +41,72 @@ namespace marram {
 namespace {
 
 constexpr std::array groom_values = {
-    MarramParam{"on", MARRAM_MESH_NAME, "", "", -largest_coordinate, largest_coordinate, "each",
-                "mesh that the strands grow on; a list makes one groom per mesh, with the same parameters"},
-    MarramParam{"density", MARRAM_NUMBER, "1/m^2", "none", 0, 1e12, "",
-                "strands a square metre; this or count"},
-    MarramParam{"count", MARRAM_INTEGER, "", "none", 1, 400000000, "",
-                "total number of strands, after masks; this or density"},
-    MarramParam{"density_mask", MARRAM_IMAGE, "", "none", -largest_coordinate, largest_coordinate, "uv",
-                "scale of the density, by uv"},
-    MarramParam{"density_by_height", MARRAM_RAMP, "m", "none", -largest_coordinate, largest_coordinate, "",
-                "scale of the density over y"},
-    MarramParam{"density_by_slope", MARRAM_RAMP, "deg", "none", -largest_coordinate, largest_coordinate, "",
-                "scale of the density over slope (0: level)"},
-    MarramParam{"image_wrap", MARRAM_CHOICE, "", "auto", -largest_coordinate, largest_coordinate,
-                "auto|clamp|repeat",
-                "beyond the border of an image: its last pixels, or the image again; auto: repeat if the "
-                "mesh has uvs "
-                "outside 0 ... 1"},
-    MarramParam{
-        "clear_of", MARRAM_CHOICE, "", "meshes", -largest_coordinate, largest_coordinate, "meshes|none",
+    param::mesh("on", "", "each",
+                "mesh that the strands grow on; a list makes one groom per mesh, with the same parameters"),
+    param::number("density", "1/m^2", "none", 0, 1e12, "strands a square metre; this or count"),
+    param::integer("count", "", "none", 1, 400000000,
+                   "total number of strands, after masks; this or density"),
+    param::image("density_mask", "none", "uv", "scale of the density, by uv"),
+    param::ramp("density_by_height", "m", "none", -largest_coordinate, largest_coordinate,
+                "scale of the density over y"),
+    param::ramp("density_by_slope", "deg", "none", -largest_coordinate, largest_coordinate,
+                "scale of the density over slope (0: level)"),
+    param::choice("image_wrap", "auto", "auto|clamp|repeat",
+                  "beyond the border of an image: its last pixels, or the image again; auto: repeat if the "
+                  "mesh has uvs "
+                  "outside 0 ... 1"),
+    param::choice(
+        "clear_of", "meshes", "meshes|none",
         "meshes: with collision, strands whose roots are inside or under another mesh that collides are "
         "left out, if neither mesh moves and the inside is that of its faces: a room with flip = true covers "
-        "none; all stay if the mesh that they grow on has instances; none: they stay"},
-    MarramParam{"spacing", MARRAM_NUMBER, "", "1", 0, 1, "",
-                "0: random roots; 1: as even as a Poisson disc set"},
-    MarramParam{"length", MARRAM_RANGE, "m", "none", 0, largest_coordinate, "",
-                "shortest and longest strand; required unless the strands have guides (then guides.length)"},
-    MarramParam{"length_mask", MARRAM_IMAGE, "", "none", -largest_coordinate, largest_coordinate, "uv",
-                "scale of the length, by uv"},
-    MarramParam{"length_by_height", MARRAM_RAMP, "m", "none", -largest_coordinate, largest_coordinate, "",
-                "scale of the length over y"},
-    MarramParam{"length_by_slope", MARRAM_RAMP, "deg", "none", -largest_coordinate, largest_coordinate, "",
-                "scale of the length over slope"},
-    MarramParam{"comb", MARRAM_VEC3, "", "none", -largest_coordinate, largest_coordinate, "",
-                "direction that strands lean to; absent: each strand has its own"},
-    MarramParam{
-        "comb_map", MARRAM_IMAGE, "", "none", -largest_coordinate, largest_coordinate, "uv",
-        "the same by uv: red and green, 0 to 1, are -1 to 1 along u and v; grey (0.5) leaves it to comb"},
-    MarramParam{"comb_variation", MARRAM_NUMBER, "deg", "20", 0, 180, "", "largest deviation from comb"},
-    MarramParam{"lean", MARRAM_NUMBER, "deg", "10", 0, 90, "",
-                "angle between strand and surface normal at the root"},
-    MarramParam{"lean_variation", MARRAM_NUMBER, "deg", "5", 0, 90, "", "largest deviation from lean"},
-    MarramParam{"arc", MARRAM_NUMBER, "deg", "20", -720, 720, "", "additional lean at the tip"},
-    MarramParam{"arc_variation", MARRAM_NUMBER, "deg", "10", 0, 360, "", "largest deviation from arc"},
-    MarramParam{"curl.radius", MARRAM_NUMBER, "m", "0", 0, largest_coordinate, "",
-                "radius of the helix at the tip"},
-    MarramParam{"curl.turns", MARRAM_NUMBER, "", "3", 0, 1000, "", "turns of the helix over the strand"},
-    MarramParam{"clump.size", MARRAM_NUMBER, "m", "0", 0, largest_coordinate, "",
-                "mean distance between clumps; 0: none"},
-    MarramParam{"clump.amount", MARRAM_NUMBER, "", "0.5", 0, 1, "", "1: all tips of a clump meet"},
-    MarramParam{"clump.profile", MARRAM_RAMP, "", "[[0, 0], [1, 1]]", -largest_coordinate, largest_coordinate,
-                "", "pull to the clump from root to tip"},
-    MarramParam{"clump.finer[].size", MARRAM_NUMBER, "m", "", 0, largest_coordinate, "",
-                "finer clumps inside the previous level: mean distance; smaller than the previous level's"},
-    MarramParam{"clump.finer[].amount", MARRAM_NUMBER, "", "0.5", 0, 1, "",
-                "1: all tips of such a clump meet"},
-    MarramParam{"clump.finer[].profile", MARRAM_RAMP, "", "[[0, 0], [1, 1]]", -largest_coordinate,
-                largest_coordinate, "", "pull to it from root to tip"},
-    MarramParam{"frizz.amplitude", MARRAM_NUMBER, "m", "0", 0, largest_coordinate, "",
-                "sideways displacement at the tip"},
-    MarramParam{"frizz.frequency", MARRAM_NUMBER, "", "4", 0, 1e4, "", "waves over the strand"},
-    MarramParam{"width", MARRAM_NUMBER, "m", "", 0, largest_coordinate, "",
-                "diameter; of a ribbon its width"},
-    MarramParam{"width_profile", MARRAM_RAMP, "", "[[0, 1], [1, 0.1]]", -largest_coordinate,
-                largest_coordinate, "", "scale of the width from root to tip"},
-    MarramParam{"width_variation", MARRAM_NUMBER, "", "0.1", 0, 1, "",
-                "largest random reduction of the width, as a fraction"},
-    MarramParam{"cvs", MARRAM_INTEGER, "", "8", 0, 1000, "",
-                "control vertices a strand; 0: as many as show the bend within the tolerance; "
-                "wind.reference_segments then defaults to 7, so the wind is as strong as on strands of 8 CVs",
-                "5|9|17|33|65", ""},
-    MarramParam{"basis", MARRAM_CHOICE, "", "bspline", -largest_coordinate, largest_coordinate,
-                "bspline|catmull-rom", "B-spline is smoother; Catmull-Rom passes through its CVs"},
-    MarramParam{"shape", MARRAM_CHOICE, "", "round", -largest_coordinate, largest_coordinate,
-                "round|ribbon|oriented-ribbon",
-                "tube; flat, facing the camera; or flat, with an orientation of its own"},
-    MarramParam{"envelope", MARRAM_RAMP, "", "[[0, 1]]", -largest_coordinate, largest_coordinate, "",
-                "share of the wind from root to tip"},
-    MarramParam{"seed", MARRAM_INTEGER, "", "0", 0, 2147483647, "", "seed of the groom"},
+        "none; all stay if the mesh that they grow on has instances; none: they stay"),
+    param::number("spacing", "", "1", 0, 1, "0: random roots; 1: as even as a Poisson disc set"),
+    param::range("length", "m", "none", 0, largest_coordinate,
+                 "shortest and longest strand; required unless the strands have guides (then guides.length)"),
+    param::image("length_mask", "none", "uv", "scale of the length, by uv"),
+    param::ramp("length_by_height", "m", "none", -largest_coordinate, largest_coordinate,
+                "scale of the length over y"),
+    param::ramp("length_by_slope", "deg", "none", -largest_coordinate, largest_coordinate,
+                "scale of the length over slope"),
+    param::vec3("comb", "", "none", -largest_coordinate, largest_coordinate,
+                "direction that strands lean to; absent: each strand has its own"),
+    param::image(
+        "comb_map", "none", "uv",
+        "the same by uv: red and green, 0 to 1, are -1 to 1 along u and v; grey (0.5) leaves it to comb"),
+    param::number("comb_variation", "deg", "20", 0, 180, "largest deviation from comb"),
+    param::number("lean", "deg", "10", 0, 90, "angle between strand and surface normal at the root"),
+    param::number("lean_variation", "deg", "5", 0, 90, "largest deviation from lean"),
+    param::number("arc", "deg", "20", -720, 720, "additional lean at the tip"),
+    param::number("arc_variation", "deg", "10", 0, 360, "largest deviation from arc"),
+    param::number("curl.radius", "m", "0", 0, largest_coordinate, "radius of the helix at the tip"),
+    param::number("curl.turns", "", "3", 0, 1000, "turns of the helix over the strand"),
+    param::number("clump.size", "m", "0", 0, largest_coordinate, "mean distance between clumps; 0: none"),
+    param::number("clump.amount", "", "0.5", 0, 1, "1: all tips of a clump meet"),
+    param::ramp("clump.profile", "", "[[0, 0], [1, 1]]", -largest_coordinate, largest_coordinate,
+                "pull to the clump from root to tip"),
+    param::number("clump.finer[].size", "m", "", 0, largest_coordinate,
+                  "finer clumps inside the previous level: mean distance; smaller than the previous level's"),
+    param::number("clump.finer[].amount", "", "0.5", 0, 1, "1: all tips of such a clump meet"),
+    param::ramp("clump.finer[].profile", "", "[[0, 0], [1, 1]]", -largest_coordinate, largest_coordinate,
+                "pull to it from root to tip"),
+    param::number("frizz.amplitude", "m", "0", 0, largest_coordinate, "sideways displacement at the tip"),
+    param::number("frizz.frequency", "", "4", 0, 1e4, "waves over the strand"),
+    param::number("width", "m", "", 0, largest_coordinate, "diameter; of a ribbon its width"),
+    param::ramp("width_profile", "", "[[0, 1], [1, 0.1]]", -largest_coordinate, largest_coordinate,
+                "scale of the width from root to tip"),
+    param::number("width_variation", "", "0.1", 0, 1, "largest random reduction of the width, as a fraction"),
+    param::integer(
+        "cvs", "", "8", 0, 1000,
+        "control vertices a strand; 0: as many as show the bend within the tolerance; "
+        "wind.reference_segments then defaults to 7, so the wind is as strong as on strands of 8 CVs",
+        "5|9|17|33|65", ""),
+    param::choice("basis", "bspline", "bspline|catmull-rom",
+                  "B-spline is smoother; Catmull-Rom passes through its CVs"),
+    param::choice("shape", "round", "round|ribbon|oriented-ribbon",
+                  "tube; flat, facing the camera; or flat, with an orientation of its own"),
+    param::ramp("envelope", "", "[[0, 1]]", -largest_coordinate, largest_coordinate,
+                "share of the wind from root to tip"),
+    param::integer("seed", "", "0", 0, 2147483647, "seed of the groom"),
 };
 
 // Parameters that NAME_by scales: in the order of FactorOf, then density and length.
@@ -154,12 +143,10 @@ const std::vector<MarramParam>& factor_params() {
     static const std::vector<MarramParam> params = [] {
         std::vector<MarramParam> list;
         for (const auto& t : texts) {
-            list.push_back({t[0].c_str(), MARRAM_TEXT, "", "none", -largest_coordinate, largest_coordinate,
-                            "", t[3].c_str()});
-            list.push_back({t[1].c_str(), MARRAM_IMAGE, "", "none", -largest_coordinate, largest_coordinate,
-                            "uv", t[4].c_str()});
-            list.push_back({t[2].c_str(), MARRAM_RAMP, "", "[[0, 0], [1, 1]]", -largest_coordinate,
-                            largest_coordinate, "", t[5].c_str()});
+            list.push_back(param::text(t[0].c_str(), "none", t[3].c_str()));
+            list.push_back(param::image(t[1].c_str(), "none", "uv", t[4].c_str()));
+            list.push_back(param::ramp(t[2].c_str(), "", "[[0, 0], [1, 1]]", -largest_coordinate,
+                                       largest_coordinate, t[5].c_str()));
         }
         return list;
     }();

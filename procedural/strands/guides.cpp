@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "procedural/strands/guides.h"
 
+#include "procedural/abi/param.h"
 #include "procedural/strands/binding.h"
 
 #include <nanoflann.hpp>
@@ -13,26 +14,26 @@ namespace marram {
 namespace {
 
 constexpr std::array guide_values = {
-    MarramParam{"guides.curves", MARRAM_CURVES_NAME, "", "none", -largest_coordinate, largest_coordinate, "",
-                "curves that strands grow between, with their shape and length; absent: none"},
-    MarramParam{"guides.blend", MARRAM_INTEGER, "", "3", 1, most_blended, "",
-                "how many of the nearest guides a strand blends"},
-    MarramParam{"guides.parting", MARRAM_NUMBER, "deg", "60", 0, 180, "",
-                "guides whose direction differs from the nearest guide's by more than this are not blended; "
-                "180: all are"},
-    MarramParam{"guides.parting_lines", MARRAM_CURVES_NAME, "", "none", -largest_coordinate,
-                largest_coordinate, "", "drawn partings on the skin: no guides beyond them are blended"},
-    MarramParam{"guides.length", MARRAM_RANGE, "", "[1, 1]", 0, 1e6, "",
-                "shortest and longest strand, in lengths of its guides"},
-    MarramParam{
-        "guides.reach", MARRAM_NUMBER, "m", "none", 0, largest_coordinate, "",
+    param::curves("guides.curves", "none",
+                  "curves that strands grow between, with their shape and length; absent: none"),
+    param::integer("guides.blend", "", "3", 1, most_blended,
+                   "how many of the nearest guides a strand blends"),
+    param::number(
+        "guides.parting", "deg", "60", 0, 180,
+        "guides whose direction differs from the nearest guide's by more than this are not blended; "
+        "180: all are"),
+    param::curves("guides.parting_lines", "none",
+                  "drawn partings on the skin: no guides beyond them are blended"),
+    param::range("guides.length", "", "[1, 1]", 0, 1e6,
+                 "shortest and longest strand, in lengths of its guides"),
+    param::number(
+        "guides.reach", "m", "none", 0, largest_coordinate,
         "no strands grow farther than this from a guide: their density fades out until 1.5 times this "
-        "distance; default: 1.5 times the spacing of the guides"},
-    MarramParam{"guides.wind", MARRAM_CHOICE, "", "strands", -largest_coordinate, largest_coordinate,
-                "strands|guides",
-                "what the wind blows: each strand, or only the guides, whose motion the strands blend: "
-                "quicker, less exact",
-                "guides|strands", ""},
+        "distance; default: 1.5 times the spacing of the guides"),
+    param::choice("guides.wind", "strands", "strands|guides",
+                  "what the wind blows: each strand, or only the guides, whose motion the strands blend: "
+                  "quicker, less exact",
+                  "guides|strands", ""),
 };
 
 } // namespace

@@ -3,6 +3,7 @@
 
 #include "core/math/digest.h"
 #include "core/math/known_part.h"
+#include "procedural/abi/param.h"
 
 #include <array>
 
@@ -10,30 +11,24 @@ namespace marram {
 namespace {
 
 constexpr std::array import_values = {
-    MarramParam{"curves", MARRAM_CURVES_NAME, "", "", -largest_coordinate, largest_coordinate, "",
-                "the strands: a [[curves]] of type \"strands\""},
-    MarramParam{"on", MARRAM_MESH_NAME, "", "none", -largest_coordinate, largest_coordinate, "",
-                "mesh that they are bound to and follow; absent: they stand in the world"},
-    MarramParam{"width", MARRAM_NUMBER, "m", "none", 0, largest_coordinate, "",
-                "diameter, of a ribbon its width; default: the file's"},
-    MarramParam{"width_profile", MARRAM_RAMP, "", "[[0, 1], [1, 0.1]]", -largest_coordinate,
-                largest_coordinate, "",
-                "scale of `width` from root to tip; the file's widths are taken as they are"},
-    MarramParam{"width_scale", MARRAM_NUMBER, "", "1", 0, largest_coordinate, "", "scale of all widths"},
-    MarramParam{"basis", MARRAM_CHOICE, "", "file", -largest_coordinate, largest_coordinate,
-                "file|bspline|catmull-rom",
-                "file: as the file says, else catmull-rom, which passes through the CVs"},
-    MarramParam{"shape", MARRAM_CHOICE, "", "round", -largest_coordinate, largest_coordinate,
-                "round|ribbon|oriented-ribbon",
-                "tube; flat, facing the camera; or flat, with an orientation of its own"},
-    MarramParam{"envelope", MARRAM_RAMP, "", "[[0, 1]]", -largest_coordinate, largest_coordinate, "",
-                "share of the wind from root to tip"},
-    MarramParam{"wind_by[].attribute", MARRAM_TEXT, "", "", -largest_coordinate, largest_coordinate, "",
-                "attribute of the strands, one number a curve, that scales the wind"},
-    MarramParam{"wind_by[].ramp", MARRAM_RAMP, "", "[[0, 0], [1, 1]]", -largest_coordinate,
-                largest_coordinate, "", "share of the wind over the attribute"},
-    MarramParam{"seed", MARRAM_INTEGER, "", "0", 0, 2147483647, "",
-                "seed of the ids of strands that have none in the file"},
+    param::curves("curves", "", "the strands: a [[curves]] of type \"strands\""),
+    param::mesh("on", "none", "", "mesh that they are bound to and follow; absent: they stand in the world"),
+    param::number("width", "m", "none", 0, largest_coordinate,
+                  "diameter, of a ribbon its width; default: the file's"),
+    param::ramp("width_profile", "", "[[0, 1], [1, 0.1]]", -largest_coordinate, largest_coordinate,
+                "scale of `width` from root to tip; the file's widths are taken as they are"),
+    param::number("width_scale", "", "1", 0, largest_coordinate, "scale of all widths"),
+    param::choice("basis", "file", "file|bspline|catmull-rom",
+                  "file: as the file says, else catmull-rom, which passes through the CVs"),
+    param::choice("shape", "round", "round|ribbon|oriented-ribbon",
+                  "tube; flat, facing the camera; or flat, with an orientation of its own"),
+    param::ramp("envelope", "", "[[0, 1]]", -largest_coordinate, largest_coordinate,
+                "share of the wind from root to tip"),
+    param::text("wind_by[].attribute", "",
+                "attribute of the strands, one number a curve, that scales the wind"),
+    param::ramp("wind_by[].ramp", "", "[[0, 0], [1, 1]]", -largest_coordinate, largest_coordinate,
+                "share of the wind over the attribute"),
+    param::integer("seed", "", "0", 0, 2147483647, "seed of the ids of strands that have none in the file"),
 };
 
 constexpr const char* import_ramp_fault = "strands.share_range";

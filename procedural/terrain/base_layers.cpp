@@ -26,6 +26,7 @@
 
 #include "core/math/hash.h"
 #include "core/math/known_part.h"
+#include "procedural/abi/param.h"
 #include "procedural/noise/noise.h"
 #include "procedural/terrain/shape_layer.h"
 
@@ -218,40 +219,38 @@ std::unique_ptr<TerrainLayer> make_base(const LayerContext& context) {
 } // namespace
 
 LayerType flat_layer_type() {
-    static const auto params = with_shape<1>({MarramParam{"height", MARRAM_NUMBER, "m", "1", -most_metres,
-                                                          most_metres, "", "height, or thickness of sand"}},
-                                             "\"bedrock\"");
+    static const auto params = with_shape<1>(
+        {param::number("height", "m", "1", -most_metres, most_metres, "height, or thickness of sand")},
+        "\"bedrock\"");
     return {"flat", "the same height everywhere", params, make_base<FlatLayer>};
 }
 
 LayerType noise_layer_type() {
     static const auto params = with_shape<7>(
-        {MarramParam{"amplitude", MARRAM_NUMBER, "m", "2", 0, most_metres, "",
-                     "three standard deviations of the height about the mean"},
-         MarramParam{"offset", MARRAM_NUMBER, "m", "0", -most_metres, most_metres, "", "the mean"},
-         MarramParam{"wavelength", MARRAM_NUMBER, "m", "60", 1e-3, 1e6, "", "of the coarsest octave"},
-         MarramParam{"octaves", MARRAM_INTEGER, "", "5", 1, 16, "", "each half as long as the one before"},
-         MarramParam{"gain", MARRAM_NUMBER, "", "0.45", 0, 1, "",
-                     "amplitude ratio of an octave to the one before"},
-         MarramParam{"kind", MARRAM_CHOICE, "", "\"perlin\"", 0, 0, "perlin|billow|wavelet",
-                     "billow: rounded heaps"},
-         MarramParam{"seed", MARRAM_INTEGER, "", "0", 0, 1e9, "", "another number, another noise"}},
+        {param::number("amplitude", "m", "2", 0, most_metres,
+                       "three standard deviations of the height about the mean"),
+         param::number("offset", "m", "0", -most_metres, most_metres, "the mean"),
+         param::number("wavelength", "m", "60", 1e-3, 1e6, "of the coarsest octave"),
+         param::integer("octaves", "", "5", 1, 16, "each half as long as the one before"),
+         param::number("gain", "", "0.45", 0, 1, "amplitude ratio of an octave to the one before"),
+         param::choice("kind", "\"perlin\"", "perlin|billow|wavelet", "billow: rounded heaps"),
+         param::integer("seed", "", "0", 0, 1e9, "another number, another noise")},
         "\"bedrock\"");
     return {"noise", "hills of fractal noise", params, make_base<NoiseLayer>};
 }
 
 LayerType image_layer_type() {
     static const auto params = with_shape<5>(
-        {MarramParam{
-             "file", MARRAM_IMAGE, "", "", 0, 0, "",
-             "EXR, TIFF or PNG; its first channel. Holes (a TIFF's nodata value) are filled from around"},
-         MarramParam{"size", MARRAM_VEC2, "m", "none", least_extent, most_extent, "",
-                     "extent in x and z; absent: the file's, else the terrain's"},
-         MarramParam{"center", MARRAM_VEC2, "m", "none", -most_extent, most_extent, "",
-                     "x and z; absent: the file's, else the terrain's"},
-         MarramParam{"range", MARRAM_VEC2, "m", "none", -most_metres, most_metres, "",
-                     "heights of the values 0 and 1; absent: the file's, else [0, 1]"},
-         MarramParam{"fade", MARRAM_NUMBER, "m", "0", 0, 1e6, "", "width of the fade at the image border"}},
+        {param::image(
+             "file", "", "",
+             "EXR, TIFF or PNG; its first channel. Holes (a TIFF's nodata value) are filled from around"),
+         param::vec2("size", "m", "none", least_extent, most_extent,
+                     "extent in x and z; absent: the file's, else the terrain's"),
+         param::vec2("center", "m", "none", -most_extent, most_extent,
+                     "x and z; absent: the file's, else the terrain's"),
+         param::vec2("range", "m", "none", -most_metres, most_metres,
+                     "heights of the values 0 and 1; absent: the file's, else [0, 1]"),
+         param::number("fade", "m", "0", 0, 1e6, "width of the fade at the image border")},
         "\"bedrock\"");
     return {"image", "heights from an image", params, make_base<ImageLayer>};
 }

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The table of layer types. To add one, write its file and add a line here.
+#include "procedural/abi/param.h"
 #include "procedural/terrain/base_layers.h"
 #include "procedural/terrain/dune/dune_layer.h"
 #include "procedural/terrain/layer_types.h"
@@ -34,9 +35,8 @@ const LayerType* find_layer_type(std::string_view name) {
 std::span<const MarramItemType> layer_item_types() {
     // Parameters of every layer type, before its own.
     static constexpr std::array common = {
-        MarramParam{"name", MARRAM_TEXT, "", "none", 0, 0, "",
-                    "for masks, edits and reports; absent: its type"},
-        MarramParam{"on", MARRAM_BOOLEAN, "", "true", 0, 0, "", "false: the layer is ignored"},
+        param::text("name", "none", "for masks, edits and reports; absent: its type"),
+        param::boolean("on", "true", "false: the layer is ignored"),
     };
     static const std::vector<std::vector<MarramParam>> params = [] {
         std::vector<std::vector<MarramParam>> lists;

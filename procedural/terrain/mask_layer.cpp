@@ -21,6 +21,7 @@
 #include "procedural/terrain/mask_layer.h"
 
 #include "core/math/hash.h"
+#include "procedural/abi/param.h"
 #include "procedural/noise/noise.h"
 #include "procedural/terrain/shape_layer.h"
 #include "procedural/terrain/stretched_image.h"
@@ -259,18 +260,15 @@ class MaskLayer : public TerrainLayer {
 };
 
 constexpr std::array mask_params = {
-    MarramParam{"by", MARRAM_CHOICE, "", "", 0, 0, "height|sand|slope|curvature|mask|image|distance|noise",
-                "input of the ramp"},
-    MarramParam{"ramp", MARRAM_RAMP, "", "[[0, 0], [1, 1]]", -1e9, 1e9, "",
-                "m, deg, 1/m or 0 to 1 -> the mask"},
-    MarramParam{"of", MARRAM_TEXT, "", "none", 0, 0, "", "the mask, by mask"},
-    MarramParam{"file", MARRAM_IMAGE, "", "none", 0, 0, "", "the image, by image"},
-    MarramParam{"along", MARRAM_CURVES_NAME, "", "none", 0, 0, "", "the curves, by distance"},
-    MarramParam{"wavelength", MARRAM_NUMBER, "m", "5", 1e-3, 1e6, "", "by noise: of the coarsest octave"},
-    MarramParam{"octaves", MARRAM_INTEGER, "", "3", 1, 16, "",
-                "by noise: each half as long as the one before"},
-    MarramParam{"seed", MARRAM_INTEGER, "", "0", 0, 1e9, "", "by noise: random seed"},
-    MarramParam{"mask", MARRAM_TEXT, "", "none", 0, 0, "", "name of a mask that it is multiplied by"},
+    param::choice("by", "", "height|sand|slope|curvature|mask|image|distance|noise", "input of the ramp"),
+    param::ramp("ramp", "", "[[0, 0], [1, 1]]", -1e9, 1e9, "m, deg, 1/m or 0 to 1 -> the mask"),
+    param::text("of", "none", "the mask, by mask"),
+    param::image("file", "none", "", "the image, by image"),
+    param::curves("along", "none", "the curves, by distance"),
+    param::number("wavelength", "m", "5", 1e-3, 1e6, "by noise: of the coarsest octave"),
+    param::integer("octaves", "", "3", 1, 16, "by noise: each half as long as the one before"),
+    param::integer("seed", "", "0", 0, 1e9, "by noise: random seed"),
+    param::text("mask", "none", "name of a mask that it is multiplied by"),
 };
 
 } // namespace

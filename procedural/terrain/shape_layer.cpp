@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "procedural/terrain/shape_layer.h"
 
+#include "procedural/abi/param.h"
+
 #include <fmt/format.h>
 
 namespace marram {
@@ -63,14 +65,13 @@ void ShapeLayer::evaluate(const Rect& rect, const Fields& below, const LayerOutp
 }
 
 std::array<MarramParam, 4> shape_params(const char* target) {
-    return {
-        MarramParam{"target", MARRAM_CHOICE, "", target, 0, 0, "sand|level|bedrock",
-                    "field that the layer changes; level: fills sand up to its height"},
-        MarramParam{"combine", MARRAM_CHOICE, "", "\"add\"", 0, 0, "add|maximum|replace|smooth_maximum",
-                    "how its height meets what is there"},
-        MarramParam{"smooth", MARRAM_NUMBER, "m", "1", 0, widest, "",
-                    "difference in height below which a smooth maximum blends"},
-        MarramParam{"mask", MARRAM_TEXT, "", "none", 0, 0, "", "name of a mask that it is multiplied by"}};
+    return {param::choice("target", target, "sand|level|bedrock",
+                          "field that the layer changes; level: fills sand up to its height"),
+            param::choice("combine", "\"add\"", "add|maximum|replace|smooth_maximum",
+                          "how its height meets what is there"),
+            param::number("smooth", "m", "1", 0, widest,
+                          "difference in height below which a smooth maximum blends"),
+            param::text("mask", "none", "name of a mask that it is multiplied by")};
 }
 
 std::string required_mask_name(const LayerContext& context, std::string_view parameter) {

@@ -36,6 +36,7 @@
 #include "core/math/clock.h"
 #include "procedural/abi/border.h"
 #include "procedural/abi/parallel.h"
+#include "procedural/abi/param.h"
 #include "procedural/terrain/surface.h"
 #include "procedural/terrain/terrain_instance.h"
 #include "procedural/wind/wind.h"
@@ -50,12 +51,11 @@ namespace marram {
 const std::vector<MarramParam>& TerrainInstance::params() {
     static const std::vector<MarramParam> params = [] {
         std::vector<MarramParam> list = {
-            {"size", MARRAM_VEC2, "m", "[100, 100]", 1e-3, 1e6, "",
-             "extent in x and z, rounded to whole cells"},
-            {"center", MARRAM_VEC2, "m", "[0, 0]", -1e7, 1e7, "", "x and z of its middle"},
-            {"cell", MARRAM_NUMBER, "m", "0.5", 1e-4, 1e4, "", "distance between samples",
-             "2|1|0.5|0.25|0.125", "seconds.procedural_meshes"},
-            {"seed", MARRAM_INTEGER, "", "0", 0, 1e9, "", "of all its random numbers"},
+            param::vec2("size", "m", "[100, 100]", 1e-3, 1e6, "extent in x and z, rounded to whole cells"),
+            param::vec2("center", "m", "[0, 0]", -1e7, 1e7, "x and z of its middle"),
+            param::number("cell", "m", "0.5", 1e-4, 1e4, "distance between samples", "2|1|0.5|0.25|0.125",
+                          "seconds.procedural_meshes"),
+            param::integer("seed", "", "0", 0, 1e9, "of all its random numbers"),
         };
         for (const MarramParam& param : wind_params())
             for (const auto& [name, full] :

@@ -15,6 +15,7 @@
 // straight.
 #include "procedural/wind/collide.h"
 
+#include "procedural/abi/param.h"
 #include "procedural/wind/near.h"
 #include "procedural/wind/rendered_segment.h"
 #include "procedural/wind/skin.h"
@@ -27,18 +28,17 @@ namespace marram {
 namespace {
 
 constexpr std::array collision_values = {
-    MarramParam{"collision.solver", MARRAM_CHOICE, "", "none", -largest_wind_input, largest_wind_input,
-                "exact|steps|none",
-                "exact: rotate until the first contact; steps: rotate in a fixed number of steps; none or "
-                "absent: no collision"},
-    MarramParam{"collision.rotation_steps", MARRAM_INTEGER, "", "none", 1, 1e6, "",
-                "number of steps if solver is steps; default: 16", "4|16|64|256", "seconds.collide"},
-    MarramParam{"collision.offset_root", MARRAM_NUMBER, "m", "none", 0, largest_wind_input, "",
-                "height of roots above the skin; default: 1 % of the strand's length, at least 1.2 radii"},
-    MarramParam{"collision.offset_scale", MARRAM_NUMBER, "", "none", 0, 10, "",
-                "minimum height of a CV above the skin, as a fraction of its rest height; default: none"},
-    MarramParam{"collision.clearance", MARRAM_NUMBER, "m", "none", 0, largest_wind_input, "",
-                "distance that strands keep from meshes; default: their radius"},
+    param::choice("collision.solver", "none", "exact|steps|none",
+                  "exact: rotate until the first contact; steps: rotate in a fixed number of steps; none or "
+                  "absent: no collision"),
+    param::integer("collision.rotation_steps", "", "none", 1, 1e6,
+                   "number of steps if solver is steps; default: 16", "4|16|64|256", "seconds.collide"),
+    param::number("collision.offset_root", "m", "none", 0, largest_wind_input,
+                  "height of roots above the skin; default: 1 % of the strand's length, at least 1.2 radii"),
+    param::number("collision.offset_scale", "", "none", 0, 10,
+                  "minimum height of a CV above the skin, as a fraction of its rest height; default: none"),
+    param::number("collision.clearance", "m", "none", 0, largest_wind_input,
+                  "distance that strands keep from meshes; default: their radius"),
 };
 
 } // namespace

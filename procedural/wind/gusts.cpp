@@ -13,6 +13,7 @@
 #include "procedural/wind/gusts.h"
 
 #include "core/math/hash.h"
+#include "procedural/abi/param.h"
 #include "procedural/abi/ramp_table.h"
 
 #include <algorithm>
@@ -37,49 +38,47 @@ constexpr uint32_t noise_bits = 24; // of a lattice value: exact in a float and 
 constexpr const char* smooth_fall = "{ knots = [[0, 1], [1, 0]], interpolation = \"smooth\" }";
 
 constexpr std::array gust_values = {
-    MarramParam{"gusts.num_gusts", MARRAM_INTEGER, "", "0", 0, 1000000, "",
-                "gusts in each period: spheres that travel with the wind"},
-    MarramParam{"gusts.radius_range", MARRAM_RANGE, "m", "[2, 4]", 0, largest_wind_input, "",
-                "smallest and largest radius of a gust"},
-    MarramParam{"gusts.radius_noise_range", MARRAM_RANGE, "", "[0, 0.3]", 0, most_lumps, "",
-                "noise on the radius of a gust, as a fraction of the radius; 0: a sphere"},
-    MarramParam{"gusts.speed_range", MARRAM_RANGE, "m/s", "none", 0, largest_wind_input, "",
-                "slowest and fastest gust; default: the wind's speed"},
-    MarramParam{"gusts.start_frame_range", MARRAM_RANGE, "frames", "none", -longest, longest, "",
-                "when a gust crosses the plane upwind, at full strength; default: any time of the period"},
-    MarramParam{"gusts.life_range", MARRAM_RANGE, "frames", "[120, 240]", 0, longest, "",
-                "shortest and longest time from its start to its end"},
-    MarramParam{
-        "gusts.decay_range", MARRAM_RANGE, "frames", "[24, 48]", 0, longest, "",
-        "fade-out time at the end of the life, at least 1 frame; also the fade-in time before the start"},
-    MarramParam{"gusts.period", MARRAM_NUMBER, "frames", "240", 0, longest, "",
-                "the gusts repeat after this time; 0: they come once"},
-    MarramParam{"gusts.redraw", MARRAM_BOOLEAN, "", "false", -largest_wind_input, largest_wind_input, "",
-                "true: new random gusts in each period; false: the same gusts in each period, for loops"},
-    MarramParam{"gusts.center", MARRAM_VEC3, "m", "none", -largest_wind_input, largest_wind_input, "",
-                "point that gusts pass; default: the middle of the bounds of all meshes at bind_frame"},
-    MarramParam{
-        "gusts.extent", MARRAM_VEC2, "m", "none", 0, largest_wind_input, "",
-        "width and height of the plane that gusts start from; default: those of the bounds of all meshes"},
-    MarramParam{"gusts.distance", MARRAM_NUMBER, "m", "none", -largest_wind_input, largest_wind_input, "",
-                "distance of that plane, upwind of the centre; default: just outside these bounds"},
-    MarramParam{"gusts.ramp", MARRAM_RAMP, "", smooth_fall, 0, 1, "",
-                "influence from the centre (0) to the surface (1), where it is 0"},
-    MarramParam{"gusts.strength", MARRAM_NUMBER, "", "1", 0, 10, "", "scale of the influence of these gusts"},
-    MarramParam{"gusts.seed", MARRAM_INTEGER, "", "0", 0, 2147483647, "", "seed of the gusts"},
-    MarramParam{
-        "gusts.control[].shape", MARRAM_CHOICE, "", "sphere", -largest_wind_input, largest_wind_input,
-        "sphere|box",
-        "a gust placed by hand: a sphere of radius 1 m or a box of half side 1 m, before its transform"},
-    MarramParam{"gusts.control[].transform", MARRAM_KEYS, "", "{}", -largest_wind_input, largest_wind_input,
-                "", "its place, rotation and scale, keyed"},
-    MarramParam{
-        "gusts.control[].inner", MARRAM_VEC3, "", "none", 0, 1, "",
-        "half sides of the inner box, where the influence is full, as shares of the outer box; default: 0.5"},
-    MarramParam{"gusts.control[].ramp", MARRAM_RAMP, "", smooth_fall, 0, 1, "",
-                "influence from the centre or inner box (0) to the surface (1), where it is 0"},
-    MarramParam{"gusts.control[].strength", MARRAM_NUMBER, "", "1", -10, 10, "",
-                "scale of its influence; below 0 it reduces the wind"},
+    param::integer("gusts.num_gusts", "", "0", 0, 1000000,
+                   "gusts in each period: spheres that travel with the wind"),
+    param::range("gusts.radius_range", "m", "[2, 4]", 0, largest_wind_input,
+                 "smallest and largest radius of a gust"),
+    param::range("gusts.radius_noise_range", "", "[0, 0.3]", 0, most_lumps,
+                 "noise on the radius of a gust, as a fraction of the radius; 0: a sphere"),
+    param::range("gusts.speed_range", "m/s", "none", 0, largest_wind_input,
+                 "slowest and fastest gust; default: the wind's speed"),
+    param::range("gusts.start_frame_range", "frames", "none", -longest, longest,
+                 "when a gust crosses the plane upwind, at full strength; default: any time of the period"),
+    param::range("gusts.life_range", "frames", "[120, 240]", 0, longest,
+                 "shortest and longest time from its start to its end"),
+    param::range(
+        "gusts.decay_range", "frames", "[24, 48]", 0, longest,
+        "fade-out time at the end of the life, at least 1 frame; also the fade-in time before the start"),
+    param::number("gusts.period", "frames", "240", 0, longest,
+                  "the gusts repeat after this time; 0: they come once"),
+    param::boolean("gusts.redraw", "false",
+                   "true: new random gusts in each period; false: the same gusts in each period, for loops"),
+    param::vec3("gusts.center", "m", "none", -largest_wind_input, largest_wind_input,
+                "point that gusts pass; default: the middle of the bounds of all meshes at bind_frame"),
+    param::vec2(
+        "gusts.extent", "m", "none", 0, largest_wind_input,
+        "width and height of the plane that gusts start from; default: those of the bounds of all meshes"),
+    param::number("gusts.distance", "m", "none", -largest_wind_input, largest_wind_input,
+                  "distance of that plane, upwind of the centre; default: just outside these bounds"),
+    param::ramp("gusts.ramp", "", smooth_fall, 0, 1,
+                "influence from the centre (0) to the surface (1), where it is 0"),
+    param::number("gusts.strength", "", "1", 0, 10, "scale of the influence of these gusts"),
+    param::integer("gusts.seed", "", "0", 0, 2147483647, "seed of the gusts"),
+    param::choice(
+        "gusts.control[].shape", "sphere", "sphere|box",
+        "a gust placed by hand: a sphere of radius 1 m or a box of half side 1 m, before its transform"),
+    param::keys("gusts.control[].transform", "{}", "its place, rotation and scale, keyed"),
+    param::vec3(
+        "gusts.control[].inner", "", "none", 0, 1,
+        "half sides of the inner box, where the influence is full, as shares of the outer box; default: 0.5"),
+    param::ramp("gusts.control[].ramp", "", smooth_fall, 0, 1,
+                "influence from the centre or inner box (0) to the surface (1), where it is 0"),
+    param::number("gusts.control[].strength", "", "1", -10, 10,
+                  "scale of its influence; below 0 it reduces the wind"),
 };
 
 // ---- Reading ----

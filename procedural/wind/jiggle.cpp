@@ -51,6 +51,8 @@
 // allows (procedural/strands/pilot.h).
 #include "procedural/wind/jiggle.h"
 
+#include "procedural/abi/param.h"
+
 #include <algorithm>
 #include <array>
 #include <cassert>
@@ -73,17 +75,17 @@ constexpr double min_direction_ratio = 1e-9;
 constexpr double least_lag = 1e-60;
 
 constexpr std::array jiggle_values = {
-    MarramParam{"jiggle.frequency", MARRAM_NUMBER, "Hz", "none", 0, 1e9, "",
-                "natural frequency of the spring where stiffness is 1; 0 or absent: no jiggle"},
-    MarramParam{"jiggle.damping", MARRAM_NUMBER, "", "none", 0, 1e3, "",
-                "damping ratio: below 1 strands overshoot, at 0 they never come to rest; default: 0.3"},
-    MarramParam{"jiggle.stiffness", MARRAM_RAMP, "", "none", 0, 1e9, "",
-                "scale of the frequency from root (0) to tip (1); default: [[0, 4], [1, 1]]"},
-    MarramParam{"jiggle.step", MARRAM_NUMBER, "frames", "none", 1e-3, 1e3, "",
-                "time between samples of the past; default: as long as the tolerance allows",
-                "0.125|0.25|0.5|1|2", "seconds.jiggle"},
-    MarramParam{"jiggle.start_frame", MARRAM_NUMBER, "frames", "none", -1e7, 1e7, "",
-                "strands stay in their bent pose until this frame; required if damping is 0"},
+    param::number("jiggle.frequency", "Hz", "none", 0, 1e9,
+                  "natural frequency of the spring where stiffness is 1; 0 or absent: no jiggle"),
+    param::number("jiggle.damping", "", "none", 0, 1e3,
+                  "damping ratio: below 1 strands overshoot, at 0 they never come to rest; default: 0.3"),
+    param::ramp("jiggle.stiffness", "", "none", 0, 1e9,
+                "scale of the frequency from root (0) to tip (1); default: [[0, 4], [1, 1]]"),
+    param::number("jiggle.step", "frames", "none", 1e-3, 1e3,
+                  "time between samples of the past; default: as long as the tolerance allows",
+                  "0.125|0.25|0.5|1|2", "seconds.jiggle"),
+    param::number("jiggle.start_frame", "frames", "none", -1e7, 1e7,
+                  "strands stay in their bent pose until this frame; required if damping is 0"),
 };
 
 [[noreturn]] void refuse(const Values& values, const char* name, const std::string& what,

@@ -15,6 +15,8 @@
 // lower still.
 #include "procedural/wind/shield.h"
 
+#include "procedural/abi/param.h"
+
 #include <algorithm>
 #include <array>
 #include <string>
@@ -23,22 +25,24 @@ namespace marram {
 namespace {
 
 constexpr std::array shielding_values = {
-    MarramParam{"shielding.shield", MARRAM_NUMBER, "", "none", 0, 1, "",
-                "share of the wind that a fully sheltered strand loses; absent: no shielding"},
-    MarramParam{"shielding.offset", MARRAM_NUMBER, "m", "none", 1e-9, largest_wind_input, "",
-                "distance upwind in which meshes shelter; default: 10 m"},
-    MarramParam{"shielding.shield_per", MARRAM_CHOICE, "", "none", -largest_wind_input, largest_wind_input,
-                "curve|cv", "curve (default): one value a strand; cv: one value a CV"},
-    MarramParam{"shielding.wake", MARRAM_NUMBER, "m", "none", 1e-9, largest_wind_input, "",
-                "distance behind a mesh after which shelter has faded to nothing; default: it does not fade"},
-    MarramParam{"shielding.wake_heights", MARRAM_NUMBER, "", "none", 1e-9, largest_wind_input, "",
-                "the same, in heights of the mesh (its extent in y)"},
-    MarramParam{"shielding.spread", MARRAM_NUMBER, "deg", "none", 0, 89, "",
-                "half angle of the cone of directions that wind comes from, for soft edges; default: 0, one "
-                "direction"},
-    MarramParam{"shielding.rays", MARRAM_INTEGER, "", "none", 1, 1024, "",
-                "rays a CV in that cone; default: as many as the tolerance asks for", "1|4|16|64|256",
-                "seconds.shield"},
+    param::number("shielding.shield", "", "none", 0, 1,
+                  "share of the wind that a fully sheltered strand loses; absent: no shielding"),
+    param::number("shielding.offset", "m", "none", 1e-9, largest_wind_input,
+                  "distance upwind in which meshes shelter; default: 10 m"),
+    param::choice("shielding.shield_per", "none", "curve|cv",
+                  "curve (default): one value a strand; cv: one value a CV"),
+    param::number(
+        "shielding.wake", "m", "none", 1e-9, largest_wind_input,
+        "distance behind a mesh after which shelter has faded to nothing; default: it does not fade"),
+    param::number("shielding.wake_heights", "", "none", 1e-9, largest_wind_input,
+                  "the same, in heights of the mesh (its extent in y)"),
+    param::number(
+        "shielding.spread", "deg", "none", 0, 89,
+        "half angle of the cone of directions that wind comes from, for soft edges; default: 0, one "
+        "direction"),
+    param::integer("shielding.rays", "", "none", 1, 1024,
+                   "rays a CV in that cone; default: as many as the tolerance asks for", "1|4|16|64|256",
+                   "seconds.shield"),
 };
 
 } // namespace

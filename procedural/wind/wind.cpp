@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "procedural/wind/wind.h"
 
+#include "procedural/abi/param.h"
 #include "procedural/noise/wavelet_noise.h"
 
 #include <algorithm>
@@ -12,45 +13,39 @@ namespace marram {
 namespace {
 
 constexpr std::array own_params = {
-    MarramParam{"direction", MARRAM_VEC3, "", "[1, 0, 0]", -largest_wind_input, largest_wind_input, "",
-                "where the air moves to; any length but 0"},
-    MarramParam{"speed", MARRAM_NUMBER, "m/s", "0", 0, largest_wind_input, "",
-                "moves the noise field and, through response, sets the strength of the bend"},
-    MarramParam{"calm", MARRAM_NUMBER, "", "none", 0, 1, "",
-                "background wind, 0 to 1; default: 0 (still air between gusts) if there are gusts, else 1"},
-    MarramParam{"response", MARRAM_RAMP, "m/s", "[[0, 0], [10, 1]]", -largest_wind_input, largest_wind_input,
-                "", "strength of the wind, 0 to 1, over its speed; 0 at speed 0"},
-    MarramParam{"global_rotate", MARRAM_NUMBER, "", "0.6", 0, 1, "",
-                "scale of each segment's turn towards the wind"},
-    MarramParam{"ramp_rotate", MARRAM_RAMP, "", "[[0, 0.2], [1, 1]]", -largest_wind_input, largest_wind_input,
-                "", "scale of the turn from root (0) to tip (1)"},
-    MarramParam{"waviness", MARRAM_NUMBER, "", "1", -1e6, 1e6, "",
-                "advance of the noise sample point along the wind per length of strand; larger: more ripples "
-                "on a strand"},
-    MarramParam{
-        "reference_segments", MARRAM_INTEGER, "", "0", 0, 100000, "",
+    param::vec3("direction", "", "[1, 0, 0]", -largest_wind_input, largest_wind_input,
+                "where the air moves to; any length but 0"),
+    param::number("speed", "m/s", "0", 0, largest_wind_input,
+                  "moves the noise field and, through response, sets the strength of the bend"),
+    param::number("calm", "", "none", 0, 1,
+                  "background wind, 0 to 1; default: 0 (still air between gusts) if there are gusts, else 1"),
+    param::ramp("response", "m/s", "[[0, 0], [10, 1]]", -largest_wind_input, largest_wind_input,
+                "strength of the wind, 0 to 1, over its speed; 0 at speed 0"),
+    param::number("global_rotate", "", "0.6", 0, 1, "scale of each segment's turn towards the wind"),
+    param::ramp("ramp_rotate", "", "[[0, 0.2], [1, 1]]", -largest_wind_input, largest_wind_input,
+                "scale of the turn from root (0) to tip (1)"),
+    param::number(
+        "waviness", "", "1", -1e6, 1e6,
+        "advance of the noise sample point along the wind per length of strand; larger: more ripples "
+        "on a strand"),
+    param::integer(
+        "reference_segments", "", "0", 0, 100000,
         "number of segments for which the turn is defined, so that the pose does not depend on cvs: it "
-        "converges with their square; 0: those of the strand, as in the talk (7 if cvs = 0)"},
-    MarramParam{"noise.type", MARRAM_CHOICE, "", "perlin", -largest_wind_input, largest_wind_input,
-                "perlin|billow|wavelet", "kind of noise field"},
-    MarramParam{"noise.amplitude", MARRAM_NUMBER, "", "0.5", 0, 1e6, "",
-                "strength of the noise, relative to the unit wind direction"},
-    MarramParam{"noise.frequency", MARRAM_NUMBER, "1/m", "1", 0, 1e9, "", "cells a metre"},
-    MarramParam{"noise.octaves", MARRAM_INTEGER, "", "1", 1, 16, "",
-                "layers of noise, each finer and weaker"},
-    MarramParam{"noise.lacunarity", MARRAM_NUMBER, "", "2", 1, 16, "",
-                "frequency of an octave over that of the one before"},
-    MarramParam{"noise.gain", MARRAM_NUMBER, "", "0.5", 0, 1, "",
-                "strength of an octave over that of the one before"},
-    MarramParam{"noise.evolution", MARRAM_NUMBER, "1/s", "0", -1e6, 1e6, "",
-                "rate of change of the field in place, cells a second"},
-    MarramParam{"noise.anchor", MARRAM_CHOICE, "", "world", -largest_wind_input, largest_wind_input,
-                "world|rest",
-                "world: sampled where the strand is; rest: where its root is at bind_frame, so that the "
-                "field moves with the surface"},
-    MarramParam{"noise.seed", MARRAM_INTEGER, "", "0", 0, 2147483647, "", "seed of the field"},
-    MarramParam{"noise.loop", MARRAM_RANGE, "frames", "none", -1e7, 1e7, "",
-                "first and last frame of a cycle without a seam"},
+        "converges with their square; 0: those of the strand, as in the talk (7 if cvs = 0)"),
+    param::choice("noise.type", "perlin", "perlin|billow|wavelet", "kind of noise field"),
+    param::number("noise.amplitude", "", "0.5", 0, 1e6,
+                  "strength of the noise, relative to the unit wind direction"),
+    param::number("noise.frequency", "1/m", "1", 0, 1e9, "cells a metre"),
+    param::integer("noise.octaves", "", "1", 1, 16, "layers of noise, each finer and weaker"),
+    param::number("noise.lacunarity", "", "2", 1, 16, "frequency of an octave over that of the one before"),
+    param::number("noise.gain", "", "0.5", 0, 1, "strength of an octave over that of the one before"),
+    param::number("noise.evolution", "1/s", "0", -1e6, 1e6,
+                  "rate of change of the field in place, cells a second"),
+    param::choice("noise.anchor", "world", "world|rest",
+                  "world: sampled where the strand is; rest: where its root is at bind_frame, so that the "
+                  "field moves with the surface"),
+    param::integer("noise.seed", "", "0", 0, 2147483647, "seed of the field"),
+    param::range("noise.loop", "frames", "none", -1e7, 1e7, "first and last frame of a cycle without a seam"),
 };
 
 NoiseType noise_type(std::string_view name) {

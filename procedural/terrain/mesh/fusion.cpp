@@ -65,6 +65,7 @@
 
 #include "core/math/simd.h"
 #include "procedural/abi/parallel.h"
+#include "procedural/abi/param.h"
 #include "procedural/terrain/drape.h"
 #include "procedural/terrain/shape_layer.h"
 
@@ -744,10 +745,10 @@ Tiles FusionLayer::changed_since(const TerrainLayer& before, const Domain& domai
 namespace {
 
 constexpr std::array fusion_params = {
-    MarramParam{"repose", MARRAM_NUMBER, "deg", "34", 5, 60, "", "angle of repose of the sand"},
-    MarramParam{"drape", MARRAM_NUMBER, "m", "0", 0, 1e4, "",
-                "thickness below which sand follows the rock and leaves no seam; 0: off"},
-    MarramParam{"mask", MARRAM_TEXT, "", "none", 0, 0, "", "name of a mask: share of the sand that is loose"},
+    param::number("repose", "deg", "34", 5, 60, "angle of repose of the sand"),
+    param::number("drape", "m", "0", 0, 1e4,
+                  "thickness below which sand follows the rock and leaves no seam; 0: off"),
+    param::text("mask", "none", "name of a mask: share of the sand that is loose"),
 };
 
 std::unique_ptr<TerrainLayer> fusion_make(const LayerContext& context) {

@@ -58,6 +58,7 @@
 // samples along each axis for the interpolation.
 #include "procedural/terrain/mesh/lattice.h"
 
+#include "procedural/abi/param.h"
 #include "procedural/terrain/shape_layer.h"
 
 #include <fmt/format.h>
@@ -71,7 +72,6 @@ namespace marram {
 namespace {
 
 constexpr int lattice_border = 3; // control points with zero offset on each side
-constexpr double lattice_largest = 1e18;
 
 // The offset at (u, v) and its derivatives with respect to u and v. Components: u, v, y.
 struct LatticeValue {
@@ -566,14 +566,12 @@ LatticeNet lattice_net(std::span<const DrawnCurve> rest, std::span<const DrawnCu
 namespace {
 
 constexpr std::array lattice_values = {
-    MarramParam{"rest", MARRAM_CURVES_NAME, "", "", -lattice_largest, lattice_largest, "",
-                "curves: the rows of the lattice before it was bent, an even grid seen from above"},
-    MarramParam{"bent", MARRAM_CURVES_NAME, "", "", -lattice_largest, lattice_largest, "",
-                "curves: the same rows, bent"},
-    MarramParam{"target", MARRAM_CHOICE, "", "\"bedrock\"", -lattice_largest, lattice_largest, "bedrock|sand",
-                "bedrock: it is bent and the sand goes with it; sand: only the sand"},
-    MarramParam{"masks", MARRAM_TEXT, "", "none", -lattice_largest, lattice_largest, "",
-                "names of masks that are bent along, separated by commas"},
+    param::curves("rest", "",
+                  "curves: the rows of the lattice before it was bent, an even grid seen from above"),
+    param::curves("bent", "", "curves: the same rows, bent"),
+    param::choice("target", "\"bedrock\"", "bedrock|sand",
+                  "bedrock: it is bent and the sand goes with it; sand: only the sand"),
+    param::text("masks", "none", "names of masks that are bent along, separated by commas"),
 };
 
 std::vector<std::string> lattice_names(const std::string& list) {

@@ -66,6 +66,7 @@
 #include "procedural/terrain/ruin/ruin.h"
 
 #include "procedural/abi/parallel.h"
+#include "procedural/abi/param.h"
 #include "procedural/terrain/ruin/ruin_budget.h"
 #include "procedural/terrain/ruin/ruin_faces.h"
 #include "procedural/terrain/ruin/ruin_shaper.h"
@@ -166,19 +167,18 @@ Tiles RuinLayer::changed_since(const TerrainLayer& before, const Domain& domain)
 namespace {
 
 constexpr std::array ruin_params = {
-    MarramParam{"mesh", MARRAM_MESH_NAME, "", "", 0, 0, "", "the mesh that stands in the sand"},
-    MarramParam{"scour", MARRAM_NUMBER, "", "1", 0, 1, "",
-                "strength of scour in front of walls steeper than 55 degrees, and of the echo dune upwind"},
-    MarramParam{"scour_depth", MARRAM_NUMBER, "", "0.25", 0, 1, "",
-                "at the wall, in its heights above the sand; the sand's slope allows 0.26"},
-    MarramParam{"drift", MARRAM_NUMBER, "", "1", 0, 1, "", "how much sand gathers in the lee and in rooms"},
-    MarramParam{"drift_length", MARRAM_NUMBER, "", "4", 0.25, 20, "", "in heights of the wall"},
-    MarramParam{"drift_height", MARRAM_NUMBER, "", "0.3", 0, 1, "", "at the wall, in its heights"},
-    MarramParam{"inside", MARRAM_NUMBER, "", "0.2", 0, 1, "",
-                "rise of the sand in rooms, in heights of their walls"},
-    MarramParam{"supply", MARRAM_NUMBER, "", "1", 0, 1, "",
-                "fraction of the deposited sand not covered by scour that is added from "
-                "outside; 0: no sand is added"},
+    param::mesh("mesh", "", "", "the mesh that stands in the sand"),
+    param::number("scour", "", "1", 0, 1,
+                  "strength of scour in front of walls steeper than 55 degrees, and of the echo dune upwind"),
+    param::number("scour_depth", "", "0.25", 0, 1,
+                  "at the wall, in its heights above the sand; the sand's slope allows 0.26"),
+    param::number("drift", "", "1", 0, 1, "how much sand gathers in the lee and in rooms"),
+    param::number("drift_length", "", "4", 0.25, 20, "in heights of the wall"),
+    param::number("drift_height", "", "0.3", 0, 1, "at the wall, in its heights"),
+    param::number("inside", "", "0.2", 0, 1, "rise of the sand in rooms, in heights of their walls"),
+    param::number("supply", "", "1", 0, 1,
+                  "fraction of the deposited sand not covered by scour that is added from "
+                  "outside; 0: no sand is added"),
 };
 
 std::unique_ptr<TerrainLayer> ruin_make(const LayerContext& context) {

@@ -33,6 +33,7 @@
 #include "procedural/terrain/sand/ripples.h"
 
 #include "procedural/abi/parallel.h"
+#include "procedural/abi/param.h"
 #include "procedural/terrain/mesh/lattice.h"
 #include "procedural/terrain/shape_layer.h"
 
@@ -237,19 +238,17 @@ void RipplesLayer::evaluate(const Rect& rect, const Fields& below, const LayerOu
 namespace {
 
 constexpr std::array ripple_values = {
-    MarramParam{"wavelength", MARRAM_NUMBER, "m", "0.11", 1e-4, 1e6, "",
-                "from crest to crest, along the surface"},
-    MarramParam{"height", MARRAM_NUMBER, "m", "0.008", 0, 1e5, "", "from trough to crest; 0: none"},
-    MarramParam{"repose", MARRAM_NUMBER, "deg", "34", 5, 80, "",
-                "angle of repose: how far ripples on a slope turn downhill"},
-    MarramParam{"shelter_reach", MARRAM_NUMBER, "m", "30", 0, 1e6, "",
-                "how far downwind a crest shelters the sand; 0: no lee"},
-    MarramParam{"displaced", MARRAM_NUMBER, "px", "2", 0, 1e6, "",
-                "ripple height on the film below which ripples are shaded instead of displaced; 0: shading "
-                "only",
-                "8|4|2|1|0.5", "seconds.view"},
-    MarramParam{"mask", MARRAM_TEXT, "", "none", 0, 0, "", "name of a mask that the height is multiplied by"},
-    MarramParam{"seed", MARRAM_INTEGER, "", "0", 0, 2147483647, "", "random seed of the ripples"},
+    param::number("wavelength", "m", "0.11", 1e-4, 1e6, "from crest to crest, along the surface"),
+    param::number("height", "m", "0.008", 0, 1e5, "from trough to crest; 0: none"),
+    param::number("repose", "deg", "34", 5, 80, "angle of repose: how far ripples on a slope turn downhill"),
+    param::number("shelter_reach", "m", "30", 0, 1e6,
+                  "how far downwind a crest shelters the sand; 0: no lee"),
+    param::number("displaced", "px", "2", 0, 1e6,
+                  "ripple height on the film below which ripples are shaded instead of displaced; 0: shading "
+                  "only",
+                  "8|4|2|1|0.5", "seconds.view"),
+    param::text("mask", "none", "name of a mask that the height is multiplied by"),
+    param::integer("seed", "", "0", 0, 2147483647, "random seed of the ripples"),
 };
 
 std::unique_ptr<TerrainLayer> make_ripples(const LayerContext& context) {

@@ -80,6 +80,7 @@
 #include "core/math/hash.h"
 #include "core/math/simd.h"
 #include "procedural/abi/parallel.h"
+#include "procedural/abi/param.h"
 #include "procedural/noise/noise.h"
 #include "procedural/terrain/shape_layer.h"
 
@@ -496,25 +497,20 @@ namespace {
 
 constexpr double stone_most_metres = 1e5;
 constexpr std::array stones_params = {
-    MarramParam{"kind", MARRAM_CHOICE, "", "\"stone\"", 0, 0, "stone|outcrop",
-                "outcrop: flat bodies of beds, in ledges"},
-    MarramParam{"density", MARRAM_NUMBER, "1/m^2", "0.05", 0, 1e6, "", "of all sizes"},
-    MarramParam{"size", MARRAM_VEC2, "m", "[0.5, 4]", 1e-3, stone_most_metres, "",
-                "longest axis, least and most"},
-    MarramParam{"size_power", MARRAM_NUMBER, "", "2", 0, 6, "",
-                "exponent p of the size distribution N(> D) ~ D^-p"},
-    MarramParam{"flatness", MARRAM_NUMBER, "", "0.4", 0, 0.9, "", "0: as high as wide"},
-    MarramParam{"burial", MARRAM_VEC2, "", "[0.35, 0.65]", 0, 1, "", "share of the height below the surface"},
-    MarramParam{"tilt", MARRAM_NUMBER, "deg", "20", 0, 60, "", "at most; of outcrops a quarter"},
-    MarramParam{"roundness", MARRAM_NUMBER, "", "0.06", 0, 1, "", "radius of the edges, in half heights"},
-    MarramParam{"roughness", MARRAM_NUMBER, "", "0.06", 0, 0.3, "", "displacement, in sizes"},
-    MarramParam{"bed", MARRAM_NUMBER, "m", "0.5", 1e-3, stone_most_metres, "",
-                "outcrop: mean thickness of a bed"},
-    MarramParam{"dip", MARRAM_NUMBER, "deg", "8", 0, 60, "", "outcrop: of the beds"},
-    MarramParam{"dip_direction", MARRAM_NUMBER, "deg", "0", -360, 360, "",
-                "outcrop: where beds fall to, from x to z"},
-    MarramParam{"mask", MARRAM_TEXT, "", "none", 0, 0, "", "name of a mask: the probability of a stone"},
-    MarramParam{"seed", MARRAM_INTEGER, "", "0", 0, 1e9, "", "another number, other stones"},
+    param::choice("kind", "\"stone\"", "stone|outcrop", "outcrop: flat bodies of beds, in ledges"),
+    param::number("density", "1/m^2", "0.05", 0, 1e6, "of all sizes"),
+    param::vec2("size", "m", "[0.5, 4]", 1e-3, stone_most_metres, "longest axis, least and most"),
+    param::number("size_power", "", "2", 0, 6, "exponent p of the size distribution N(> D) ~ D^-p"),
+    param::number("flatness", "", "0.4", 0, 0.9, "0: as high as wide"),
+    param::vec2("burial", "", "[0.35, 0.65]", 0, 1, "share of the height below the surface"),
+    param::number("tilt", "deg", "20", 0, 60, "at most; of outcrops a quarter"),
+    param::number("roundness", "", "0.06", 0, 1, "radius of the edges, in half heights"),
+    param::number("roughness", "", "0.06", 0, 0.3, "displacement, in sizes"),
+    param::number("bed", "m", "0.5", 1e-3, stone_most_metres, "outcrop: mean thickness of a bed"),
+    param::number("dip", "deg", "8", 0, 60, "outcrop: of the beds"),
+    param::number("dip_direction", "deg", "0", -360, 360, "outcrop: where beds fall to, from x to z"),
+    param::text("mask", "none", "name of a mask: the probability of a stone"),
+    param::integer("seed", "", "0", 0, 1e9, "another number, other stones"),
 };
 
 StoneSettings read_stones(const LayerContext& context) {

@@ -7,6 +7,7 @@
 #include "core/image/atomic_file.h"
 #include "core/image/run_files.h"
 #include "core/math/clock.h"
+#include "core/math/file_types.h"
 #include "core/math/frame_name.h"
 #include "core/shot/height_sequence.h"
 #include "core/shot/stats.h"
@@ -27,7 +28,7 @@ namespace {
 
 // A .usda holds all frames as time samples, unless its name has a #### for their numbers.
 bool holds_all_frames(const BakeOptions& options) {
-    return options.output.ends_with(".usda") && !has_frame_mark(options.output);
+    return extension_of(options.output) == ".usda" && !has_frame_mark(options.output);
 }
 
 std::vector<double> frames_to_bake(const BakeOptions& options, const Vec2d& range) {
@@ -173,7 +174,7 @@ int bake_command(const BakeOptions& options) {
     stats[0].load = load_seconds;
     stats[0].total = wall_seconds() - begin;
     StatsFile stats_file(options.stats);
-    if (frames.size() > 1 && options.output.ends_with(".png") && !options.range)
+    if (frames.size() > 1 && extension_of(options.output) == ".png" && !options.range)
         bake_height_pictures(shot, options, warnings, stats, stats_file);
     else
         bake_frames(shot, options, warnings, stats, stats_file);

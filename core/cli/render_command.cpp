@@ -8,6 +8,7 @@
 #include "core/image/atomic_file.h"
 #include "core/image/image_library.h"
 #include "core/image/run_files.h"
+#include "core/math/file_types.h"
 #include "core/math/frame_name.h"
 #include "core/shot/film_state.h"
 #include "core/shot/frame.h"
@@ -63,7 +64,7 @@ void check_layer_pictures(const Shot& shot, const RenderOptions& options, size_t
             throw InputError({"--png " + picture.layer}, "this layer has no range of its own",
                              "say which values are black and white, such as " + picture.layer +
                                  ":0-20=" + picture.file);
-        if (lower_extension(picture.file) != ".png")
+        if (extension_of(picture.file) != ".png")
             throw InputError({picture.file}, "--png writes no other format", "name it .png");
         if (frames > 1 && !has_frame_mark(picture.file))
             throw InputError({"--png " + picture.layer},
@@ -75,7 +76,7 @@ void check_layer_pictures(const Shot& shot, const RenderOptions& options, size_t
 // The same scene may be rendered to EXR and, for a look, to PNG: layers that a PNG leaves out are no error.
 void warn_of_unwritten_layers(const Shot& shot, const RenderOptions& options) {
     const ParamValue* aovs = shot.description.film.find("aovs");
-    if (!aovs || lower_extension(options.output) != ".png") return;
+    if (!aovs || extension_of(options.output) != ".png") return;
     std::vector<std::string> unwritten;
     for (const std::string& layer : aovs->texts)
         if (std::ranges::find(options.pictures, layer, &LayerPicture::layer) == options.pictures.end())
@@ -92,7 +93,7 @@ void warn_of_unwritten_layers(const Shot& shot, const RenderOptions& options) {
 void check_contents(const Shot& shot, const RenderOptions& options, size_t frames) {
     check_layers(shot, options.layers);
     check_layer_pictures(shot, options, frames);
-    if (!options.layers.empty() && lower_extension(options.output) == ".png")
+    if (!options.layers.empty() && extension_of(options.output) == ".png")
         throw InputError({"--aov " + options.layers.front()}, "a PNG holds the picture alone",
                          "write an .exr, or the layer to a file of its own with --png");
     warn_of_unwritten_layers(shot, options);

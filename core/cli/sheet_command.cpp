@@ -6,6 +6,7 @@
 #include "core/image/atomic_file.h"
 #include "core/image/run_files.h"
 #include "core/image/sheet.h"
+#include "core/math/file_types.h"
 #include "core/shot/picture_file.h"
 
 #include <fmt/format.h>
@@ -25,7 +26,7 @@ std::vector<std::string> captions_of(const SheetOptions& options) {
 } // namespace
 
 int sheet_command(const SheetOptions& options) {
-    if (lower_extension(options.output) != ".png")
+    if (extension_of(options.output) != ".png")
         throw InputError({options.output}, "a sheet is written as PNG", "name it .png");
     RunFiles files(options.pictures);
     files.write(options.output);

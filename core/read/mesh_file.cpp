@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/read/mesh_file.h"
+#include "core/math/file_types.h"
 
 #include "core/geometry/embree_buffer.h"
 #include "core/geometry/mesh_sides.h"
@@ -73,10 +74,10 @@ void settle(Mesh& mesh, const MeshLoading& loading, bool may_be_wrong) {
 
 Mesh load_mesh(const std::string& path, const MeshLoading& loading) {
     const std::string extension = extension_of(path);
-    if (extension != ".obj" && extension != ".ply" && extension != ".vdb")
+    const std::string kinds = listed_files(mesh_files);
+    if (!is_one_of(extension, mesh_files))
         throw InputError(Place{path}, fmt::format("meshes of the type \"{}\" are not known", extension),
-                         "save it as .obj, .ply or .vdb");
-    constexpr const char* kinds = ".obj, .ply or .vdb";
+                         "save it as " + kinds);
     std::string bytes = extension == ".vdb" ? read_bytes(path, kinds) : read_text(path, kinds);
     Mesh mesh = extension == ".obj"   ? read_obj(path, bytes, loading.warnings)
                 : extension == ".ply" ? read_ply(path, bytes)

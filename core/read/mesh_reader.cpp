@@ -8,7 +8,7 @@
 
 namespace marram {
 
-std::string read_bytes(const std::string& path, const char* kinds) {
+std::string read_bytes(const std::string& path, const std::string& kinds) {
     std::error_code error;
     const std::filesystem::file_status status = std::filesystem::status(path, error);
     if (!std::filesystem::exists(status))
@@ -23,17 +23,10 @@ std::string read_bytes(const std::string& path, const char* kinds) {
     return bytes;
 }
 
-std::string read_text(const std::string& path, const char* kinds) {
+std::string read_text(const std::string& path, const std::string& kinds) {
     std::string bytes = read_bytes(path, kinds);
     bytes.erase(0, byte_order_mark(path, bytes));
     return bytes;
-}
-
-std::string extension_of(const std::string& path) {
-    std::string extension = std::filesystem::path(path).extension().string();
-    for (char& c : extension)
-        if (c >= 'A' && c <= 'Z') c = char(c - 'A' + 'a');
-    return extension;
 }
 
 namespace {

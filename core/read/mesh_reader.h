@@ -24,11 +24,9 @@ Mesh read_ply(const std::string& path, std::string& bytes);
 Mesh read_vdb(const std::string& path, std::string& bytes);
 
 // Reads a whole file. kinds, for messages: ".obj or .ply". Throws InputError if it cannot be read.
-std::string read_bytes(const std::string& path, const char* kinds);
+std::string read_bytes(const std::string& path, const std::string& kinds);
 // The same without a byte order mark (math/text.h), for formats that are text or begin as text.
-std::string read_text(const std::string& path, const char* kinds);
-// The extension in lower case: ".obj" of "a.OBJ".
-std::string extension_of(const std::string& path);
+std::string read_text(const std::string& path, const std::string& kinds);
 
 // Triangulates a polygon of at least 3 corners: corners.size() - 2 triangles with the same winding. Convex
 // polygons become fans; others are triangulated by ear clipping (Meisters 1975) in the coordinate plane that

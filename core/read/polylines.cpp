@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/read/polylines.h"
+#include "core/math/file_types.h"
 
 #include "core/read/mesh_reader.h"
 #include "core/read/obj_lines.h"
@@ -34,12 +35,12 @@ void check_prims(const std::string& file, const std::string& extension, std::spa
 std::vector<Polyline> load_polylines(const std::string& file, std::span<const std::string> prims,
                                      std::vector<std::string>* warnings) {
     const std::string extension = extension_of(file);
-    if (extension != ".obj" && extension != ".ply" && extension != ".usda")
+    const std::string kinds = listed_files(polyline_files);
+    if (!is_one_of(extension, polyline_files))
         throw InputError({file}, fmt::format("curves of the type \"{}\" are not known", extension),
-                         extension == ".hair" ? "write type = \"strands\""
-                                              : "save them as .obj, .ply or .usda");
+                         extension == ".hair" ? "write type = \"strands\"" : "save them as " + kinds);
     check_prims(file, extension, prims);
-    const std::string bytes = read_text(file, ".obj, .ply or .usda");
+    const std::string bytes = read_text(file, kinds);
     std::vector<Polyline> lines = extension == ".obj"   ? read_obj_polylines(file, bytes)
                                   : extension == ".ply" ? read_ply_polylines(file, bytes)
                                                         : read_usda_polylines(file, bytes, prims, warnings);

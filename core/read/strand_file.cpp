@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/read/strand_file.h"
+#include "core/math/file_types.h"
 
 #include "core/math/hash.h"
 #include "core/read/mesh_reader.h"
@@ -87,16 +88,15 @@ StrandFile read_obj_strands(const std::string& file, std::string_view bytes) {
 
 StrandFile load_strand_file(const std::string& file, const StrandReading& reading) {
     const std::string extension = extension_of(file);
-    constexpr const char* kinds = ".hair, .usda, .ply or .obj";
-    const bool is_text = extension == ".usda" || extension == ".ply" || extension == ".obj";
-    if (!is_text && extension != ".hair")
+    const std::string kinds = listed_files(strand_files);
+    if (!is_one_of(extension, strand_files))
         throw InputError({file}, fmt::format("strands of the type \"{}\" are not known", extension),
-                         fmt::format("save them as {}", kinds));
+                         "save them as " + kinds);
     check_prims(file, extension, reading.prims);
     if (reading.cvs_per_strand > 0 && extension != ".ply")
         throw InputError({file}, "cvs_per_strand is for a .ply of points, and this is none",
                          "leave cvs_per_strand out");
-    const std::string bytes = is_text ? read_text(file, kinds) : "";
+    const std::string bytes = extension == ".hair" ? "" : read_text(file, kinds);
     StrandFile strands = extension == ".hair"   ? read_hair_strands(file)
                          : extension == ".usda" ? read_usda_strands(file, bytes, reading)
                          : extension == ".ply"  ? read_ply_strands(file, bytes, reading)

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/scene/rules.h"
+#include "core/math/file_types.h"
 #include "core/math/frame_name.h"
 #include "core/scene/suggest.h"
 #include "core/scene/table.h"
@@ -74,13 +75,10 @@ constexpr int most_shapes = 10'000;
 
 // Checks items of type "file" or "strands", which may have one file per frame. endings: readable formats.
 void check_files(const std::vector<Item>& items, const char* kind, const char* type,
-                 const std::vector<std::string>& endings, Reading& reading) {
+                 std::span<const std::string_view> endings, Reading& reading) {
     for (const Item& item : items) {
         const ParamValue* file = item.type == type ? item.params.find("file") : nullptr;
         if (!file) continue;
-        std::string ending = std::filesystem::path(file->text).extension().string();
-        std::transform(ending.begin(), ending.end(), ending.begin(),
-                       [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
         const ParamValue* frames = item.params.find("file_frames");
         const std::string name = fmt::format("{}.{}", kind, clean(item.name));
         if (frames && !has_frame_mark(file->text))
@@ -89,10 +87,9 @@ void check_files(const std::vector<Item>& items, const char* kind, const char* t
         if (frames && frames->numbers[1] - frames->numbers[0] >= most_shapes)
             reading.report(frames->place, fmt::format("{}.file_frames are more than {}", name, most_shapes),
                            "all are held in memory: give those that the shot sees");
-        if (std::ranges::find(endings, ending) != endings.end()) continue;
-        std::string none;
-        for (const std::string& one : endings) none += (none.empty() ? "no " : " and no ") + one;
-        reading.report(file->place, fmt::format("{}.file is {}", name, none), "convert it to one of them");
+        if (is_one_of(extension_of(file->text), endings)) continue;
+        reading.report(file->place, fmt::format("{}.file is no {}", name, fmt::join(endings, " and no ")),
+                       "convert it to one of them");
     }
 }
 
@@ -161,8 +158,8 @@ void check_rules(const SceneDescription& scene, const std::vector<Name>& names, 
         reading.report(pixels->place, "tolerance and tolerance_pixels are both given", "keep one of them");
     check_camera(scene.camera, reading);
     check_lights(scene.lights, reading);
-    check_files(scene.meshes, "mesh", "file", {".obj", ".ply", ".vdb"}, reading);
-    check_files(scene.curves, "curves", "strands", {".hair", ".usda", ".ply", ".obj"}, reading);
+    check_files(scene.meshes, "mesh", "file", mesh_files, reading);
+    check_files(scene.curves, "curves", "strands", strand_files, reading);
     check_all_references(scene, names, reading);
 }
 

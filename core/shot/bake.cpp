@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/shot/bake.h"
+#include "core/math/file_types.h"
 #include "core/read/level_set_file.h"
 
 #include "core/math/problem.h"
@@ -22,31 +23,13 @@ MarramStage stage_of(const std::string& name) {
     return name == "rest" ? MARRAM_REST : name == "bent" ? MARRAM_BENT : MARRAM_FINAL;
 }
 
-// What a file format can hold.
-enum class Baked { strands, strands_or_surface, surface_or_strands, level_set, grids };
-
-struct BakedFormat {
-    const char* extension;
-    Baked what;
-};
-constexpr BakedFormat baked_formats[] = {{".hair", Baked::strands},
-                                         {".usda", Baked::strands},
-                                         {".obj", Baked::strands_or_surface},
-                                         {".ply", Baked::surface_or_strands},
-                                         {".vdb", Baked::level_set},
-                                         {".exr", Baked::grids},
-                                         {".png", Baked::grids},
-                                         {".tif", Baked::grids},
-                                         {".tiff", Baked::grids}};
-
-std::string extension_of_output(const BakeSettings& settings) {
-    return std::filesystem::path(settings.output).extension().string();
+bool holds_strands(const std::string& extension) { return is_one_of(extension, strand_files); }
+bool holds_surfaces(const std::string& extension) {
+    return is_one_of(extension, surface_files) || extension == ".vdb";
 }
-
-const BakedFormat* baked_format(const std::string& extension) {
-    const auto found =
-        std::ranges::find_if(baked_formats, [&](const BakedFormat& f) { return extension == f.extension; });
-    return found == std::end(baked_formats) ? nullptr : found;
+bool holds_grids(const std::string& extension) { return is_one_of(extension, grid_files); }
+bool holds_both(const std::string& extension) {
+    return holds_strands(extension) && holds_surfaces(extension);
 }
 
 // The only mesh of those given. kind: "terrain", for messages. Throws InputError if there is none or more
@@ -90,8 +73,6 @@ bool makes_strands(const Shot& shot) {
                                [](const auto& p) { return p->kind() == MARRAM_CURVES; });
 }
 
-bool holds_both(Baked what) { return what == Baked::strands_or_surface || what == Baked::surface_or_strands; }
-
 // A scene with strands and a surface, of which one is written because nobody has chosen.
 std::string other_warning(const Shot& shot, const std::string& output, bool strands) {
     const auto made = [&](MarramOutputKind kind) {
@@ -110,19 +91,20 @@ std::string other_warning(const Shot& shot, const std::string& output, bool stra
 } // namespace
 
 void check_baked_formats(const BakeSettings& settings) {
-    const std::string extension = extension_of_output(settings);
-    if (!baked_format(extension))
+    const std::string extension = extension_of(settings.output);
+    if (!holds_strands(extension) && !holds_surfaces(extension) && !holds_grids(extension))
         throw InputError(
             {settings.output}, "nothing is written in the format '" + extension + "'",
-            "name it .hair, .usda, .ply or .obj for strands, .obj or .ply for the surface of a "
-            "terrain or rock, .vdb for a rock as a level set, .exr, .tif, .tiff or .png for grids");
-    const Baked what = baked_format(extension)->what;
-    if (settings.what == "terrain" && what == Baked::strands)
+            fmt::format(
+                "name it {} for strands, {} for the surface of a terrain or rock, .vdb for a rock as a "
+                "level set, {} for grids",
+                listed_files(strand_files), listed_files(surface_files), listed_files(grid_files)));
+    if (settings.what == "terrain" && !holds_surfaces(extension) && !holds_grids(extension))
         throw InputError({"--what terrain"}, "'" + extension + "' holds strands only",
                          "bake a surface to .obj or .ply, heights to .exr, .tif or .png");
-    if (settings.what == "strands" && (what == Baked::level_set || what == Baked::grids))
+    if (settings.what == "strands" && !holds_strands(extension))
         throw InputError({"--what strands"}, "'" + extension + "' holds no strands",
-                         "bake strands to .usda, .hair, .ply or .obj");
+                         "bake strands to " + listed_files(strand_files));
     if (settings.range && extension != ".png")
         throw InputError({"--range"}, "'" + extension + "' needs no range: it holds metres",
                          "leave it out, or bake heights to .png");
@@ -130,18 +112,19 @@ void check_baked_formats(const BakeSettings& settings) {
         throw InputError({"--range"},
                          fmt::format("{:g} is not below {:g}", settings.range->x(), settings.range->y()),
                          "give the heights that are black and white, the lower one first");
-    const std::string meshes = std::filesystem::path(settings.colliders).extension().string();
-    if (!settings.colliders.empty() && meshes != ".obj" && meshes != ".usda")
-        throw InputError({settings.colliders}, "colliders are written as .obj or .usda",
-                         "name the file .obj or .usda");
-    if (!settings.attributes.empty() && extension != ".usda" && extension != ".ply")
+    const std::string colliders = listed_files(collider_files);
+    if (!settings.colliders.empty() && !is_one_of(extension_of(settings.colliders), collider_files))
+        throw InputError({settings.colliders}, "colliders are written as " + colliders,
+                         "name the file " + colliders);
+    if (!settings.attributes.empty() && !is_one_of(extension, attribute_files))
         throw InputError({"--attributes"}, "'" + extension + "' holds no attributes",
-                         "bake strands to .usda or .ply");
+                         "bake strands to " + listed_files(attribute_files));
 }
 
 void check_baked_strands(const Shot& shot, const BakeSettings& settings) {
-    const Baked what = baked_format(extension_of_output(settings))->what;
-    if ((what == Baked::strands || settings.what == "strands") && !makes_strands(shot))
+    const std::string extension = extension_of(settings.output);
+    const bool nothing_else = holds_strands(extension) && !holds_surfaces(extension);
+    if ((nothing_else || settings.what == "strands") && !makes_strands(shot))
         throw InputError({settings.output}, "the scene has no strands",
                          "bake a scene with some, or the surface of its terrain or rock to .ply or .obj");
 }
@@ -193,27 +176,28 @@ std::vector<std::string> write_baked_grids(const World& world, const BakeSetting
 
 std::vector<std::string> write_baked(const Shot& shot, const World& world, const BakeSettings& settings,
                                      const std::string& output) {
-    const Baked what = baked_format(extension_of_output(settings))->what;
+    const std::string extension = extension_of(settings.output);
     const bool prefers_strands =
-        what == Baked::strands || (what == Baked::strands_or_surface && makes_strands(shot)) ||
-        (what == Baked::surface_or_strands && makes_strands(shot) && meshes_with_grids(world).empty());
+        holds_both(extension)
+            ? makes_strands(shot) && (extension == ".obj" || meshes_with_grids(world).empty())
+            : holds_strands(extension);
     const bool strands = settings.what.empty() ? prefers_strands : settings.what == "strands";
     std::vector<std::string> warnings;
-    if (settings.what.empty() && holds_both(what))
+    if (settings.what.empty() && holds_both(extension))
         if (std::string warning = other_warning(shot, settings.output, strands); !warning.empty())
             warnings.push_back(std::move(warning));
     if (strands) {
         write_curves(output, world.curves, world.frame, shot.description.globals.number("fps"));
         return warnings;
     }
-    if (what == Baked::grids) return write_baked_grids(world, settings, output);
-    const MeshGeometry& mesh = baked_surface(shot, world, output, what == Baked::level_set);
+    if (holds_grids(extension)) return write_baked_grids(world, settings, output);
+    const MeshGeometry& mesh = baked_surface(shot, world, output, extension == ".vdb");
     if (!settings.attributes.empty())
         throw InputError({"--attributes"}, "'" + output + "' is the surface of '" + mesh.name + "'",
                          "bake strands to .usda, or leave --attributes out");
-    if (output.ends_with(".ply"))
+    if (extension == ".ply")
         write_surface_ply(output, mesh);
-    else if (what == Baked::level_set)
+    else if (extension == ".vdb")
         write_level_set(output, mesh);
     else
         write_colliders_obj(output, std::span(&mesh, 1));
@@ -221,8 +205,8 @@ std::vector<std::string> write_baked(const Shot& shot, const World& world, const
 }
 
 void write_colliders(const World& world, const std::string& file, double fps) {
-    if (file.ends_with(".obj")) write_colliders_obj(file, world.meshes);
-    if (file.ends_with(".usda")) write_colliders_usda(file, world.meshes, world.frame, fps);
+    if (extension_of(file) == ".obj") write_colliders_obj(file, world.meshes);
+    if (extension_of(file) == ".usda") write_colliders_usda(file, world.meshes, world.frame, fps);
 }
 
 } // namespace marram

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/shot/file_summary.h"
+#include "core/math/file_types.h"
 
 #include "core/image/image.h"
 #include "core/read/mesh_file.h"
@@ -107,15 +108,12 @@ std::string box_text(const Eigen::AlignedBox3f& box) {
 }
 
 std::string file_summary(const std::string& path) {
-    std::string extension = std::filesystem::path(path).extension().string();
-    std::ranges::transform(extension, extension.begin(), [](char c) { return char(std::tolower(c)); });
-    const auto is_one_of = [&](std::initializer_list<std::string_view> list) {
-        return std::ranges::find(list, extension) != list.end();
-    };
-    if (is_one_of({".obj", ".ply"})) return mesh_or_strands_text(path);
-    if (is_one_of({".vdb"})) return mesh_text(path);
-    if (is_one_of({".hair", ".usda"})) return strands_text(path);
-    if (is_one_of({".exr", ".png", ".tif", ".tiff", ".jpg", ".jpeg", ".hdr"})) return picture_text(path);
+    const std::string extension = extension_of(path);
+    const bool may_be_strands = is_one_of(extension, strand_files);
+    if (is_one_of(extension, mesh_files))
+        return may_be_strands ? mesh_or_strands_text(path) : mesh_text(path);
+    if (may_be_strands) return strands_text(path);
+    if (is_one_of(extension, image_files)) return picture_text(path);
     return "";
 }
 

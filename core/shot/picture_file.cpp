@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/shot/picture_file.h"
+#include "core/math/file_types.h"
 
 #include "core/math/problem.h"
 
@@ -60,18 +61,11 @@ std::vector<std::string> attribute_channels(uint32_t components) {
     }
 }
 
-std::string lower_extension(const std::string& path) {
-    std::string extension = fs::path(path).extension().string();
-    std::ranges::transform(extension, extension.begin(),
-                           [](unsigned char c) { return char(std::tolower(c)); });
-    return extension;
-}
-
 void check_picture_name(const std::string& path) {
-    const std::string extension = lower_extension(path);
-    if (extension != ".exr" && extension != ".png")
+    const std::string extension = extension_of(path);
+    if (!is_one_of(extension, picture_files))
         throw InputError({path}, "a picture cannot be written in the format '" + extension + "'",
-                         "name it .exr or .png");
+                         "name it " + listed_files(picture_files));
 }
 
 std::string partial_name(const std::string& path) {
@@ -82,7 +76,7 @@ std::string partial_name(const std::string& path) {
 void save_picture(const std::string& path, const Film& film, double exposure,
                   const std::vector<Metadata>& metadata) {
     const int width = int(film.width), height = int(film.height);
-    if (lower_extension(path) == ".png") {
+    if (extension_of(path) == ".png") {
         if (film.transparent)
             write_png(path, width, height, 4, rgba_of(film).data(), exposure, metadata);
         else

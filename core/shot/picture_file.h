@@ -13,9 +13,6 @@ namespace marram {
 // EXR channel names of an attribute with 1 to 4 components.
 std::vector<std::string> attribute_channels(uint32_t components);
 
-// ".exr" of "A.EXR".
-std::string lower_extension(const std::string& path);
-
 // Throws InputError unless the name ends in .exr or .png.
 void check_picture_name(const std::string& path);
 

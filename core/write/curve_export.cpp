@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/write/curve_export.h"
+#include "core/math/file_types.h"
 
 #include "core/math/problem.h"
 #include "core/read/hair_format.h"
@@ -158,13 +159,13 @@ void write_curves_obj(const std::string& path, std::span<const CurveGeometry> cu
 }
 
 void write_curves(const std::string& path, std::span<const CurveGeometry> curves, double frame, double fps) {
-    const std::string extension = std::filesystem::path(path).extension().string();
+    const std::string extension = extension_of(path);
     if (extension == ".hair") return write_hair(path, curves);
     if (extension == ".usda") return write_usda(path, curves, frame, fps);
     if (extension == ".ply") return write_curves_ply(path, curves);
     if (extension == ".obj") return write_curves_obj(path, curves);
     refuse(path, fmt::format("curves cannot be written as \"{}\"", extension),
-           "use .hair, .usda, .ply or .obj");
+           "use " + listed_files(strand_files));
 }
 
 void write_colliders_obj(const std::string& path, std::span<const MeshGeometry> meshes) {

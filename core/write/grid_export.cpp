@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/write/grid_export.h"
+#include "core/math/file_types.h"
 
 #include "core/image/atomic_file.h"
 #include "core/image/image.h"

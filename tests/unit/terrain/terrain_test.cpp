@@ -429,8 +429,8 @@ TEST(Terrain, DunesOfAFieldAreEditedById) {
 }
 
 // The cost of editing one dune in a thousand. Run it by hand on an idle machine:
-// build/test_geometry --gtest_also_run_disabled_tests --gtest_filter='Terrain.DISABLED_EditOfOneDune'
-TEST(Terrain, DISABLEDEditOfOneDune) {
+// build/test_terrain --gtest_also_run_disabled_tests --gtest_filter='Terrain.DISABLED_EditOfOneDune'
+TEST(Terrain, DISABLED_EditOfOneDune) {
     const auto text = [](const std::string& edits) {
         return desert(
             layer("noise", "amplitude = 20\nwavelength = 400\noctaves = 6") +

@@ -80,10 +80,10 @@ constexpr double dusk = 0.024;
 constexpr size_t polar_cells = 8, azimuth_cells = 3; // on each side of the horizon; per half turn
 constexpr int field_segments = 24;
 constexpr int polar_samples = 4, azimuth_samples = 8; // of the phase functions in a cell
-constexpr int most_orders = 10;
+constexpr int max_orders = 10;
 constexpr float last_order = 1e-3F; // fraction of the sum; stops below it
 constexpr float max_series_ratio = 0.98F;
-constexpr double least_column = 1e-3; // m at maximum density: negligible, keeps logarithms finite
+constexpr double min_column = 1e-3; // m at maximum density: negligible, keeps logarithms finite
 
 double square(double x) { return x * x; }
 
@@ -248,7 +248,7 @@ void Atmosphere::make_columns(const Loop& loop) {
             });
             for (size_t i = 0; i < 3; ++i)
                 columns_[row * column_cosines + column][i] =
-                    static_cast<float>(std::log(sum[i] + least_column));
+                    static_cast<float>(std::log(sum[i] + min_column));
         }
     });
 }
@@ -400,7 +400,7 @@ void Atmosphere::make_field(const Loop& loop) {
         for (Spectrum Moments::*moment : all_moments)
             field_.moments[i].*moment += factor * (order.moments[i].*moment);
     };
-    for (int i = 1; i < most_orders; ++i) {
+    for (int i = 1; i < max_orders; ++i) {
         before = std::move(order);
         order = next_order(&before, loop);
         for (size_t k = 0; k < order.moments.size(); ++k) add_moments(Spectrum::Ones(), k);

@@ -45,7 +45,7 @@ Node node_of(float at, int count) {
 }
 
 // Maps table positions 0 ... 1 to roughness; nodes are dense at low roughness.
-constexpr float least = static_cast<float>(least_roughness);
+constexpr float least = static_cast<float>(min_roughness);
 float roughness_of(float place) { return least + (1.0F - least) * place * place; }
 float place_of(float roughness) { return std::sqrt(std::max(0.0F, (roughness - least) / (1.0F - least))); }
 

@@ -31,7 +31,7 @@ class GlossTable {
     std::array<float, roughnesses> mean_{};
 };
 
-inline constexpr double least_roughness = 0.03; // below this, float half vectors are as coarse as the lobe
+inline constexpr double min_roughness = 0.03; // below this, float half vectors are as coarse as the lobe
 
 // The index of refraction with this reflectance at normal incidence, 0 <= share < 1.
 float ior_of_specular(float share);

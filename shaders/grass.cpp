@@ -14,7 +14,7 @@ std::vector<ParamSpec> grass_params() {
          "fraction of color that is transmitted"},
         {"transmission_color", ParamType::color, "", "[1, 0.95, 0.45]", 0.0, 1.0, "",
          "additional filter of the transmitted light"},
-        {"roughness", ParamType::number, "", "0.4", least_roughness, 1.0, "",
+        {"roughness", ParamType::number, "", "0.4", min_roughness, 1.0, "",
          "of the boundary: 0.03 wet, 1 matt"},
         {"specular", ParamType::number, "", "0.03", 0.0, 0.5, "",
          "reflected by the boundary straight on; 0: no gloss"},

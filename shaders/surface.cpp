@@ -15,7 +15,7 @@ std::vector<ParamSpec> surface_params() {
     constexpr double any = std::numeric_limits<double>::infinity();
     std::vector<ParamSpec> params = {
         {"color", ParamType::color, "", "[0.5, 0.5, 0.5]", 0.0, 1.0, "", "reflectance of the base"},
-        {"roughness", ParamType::number, "", "0.5", least_roughness, 1.0, "",
+        {"roughness", ParamType::number, "", "0.5", min_roughness, 1.0, "",
          "of the boundary: 0.03 polished, 1 matt"},
         {"specular", ParamType::number, "", "0.04", 0.0, 0.5, "",
          "reflectance of the coat at normal incidence: 0.02 water, 0.04 glass and plastic, 0 no coat"},
@@ -49,7 +49,7 @@ CoatedBsdf surface_at(const SurfaceSettings& settings, const ShadingPoint& point
     color = color.cwiseProduct(variation_factor(settings.color, point, color));
     float roughness = settings.roughness;
     if (settings.roughness_map) roughness *= settings.roughness_map->at(uv, width, wrap).x();
-    roughness = std::max(roughness, static_cast<float>(least_roughness));
+    roughness = std::max(roughness, static_cast<float>(min_roughness));
     size_t level = 0;
     float share = 1.0F;
     if (settings.specular_map) {

@@ -230,7 +230,7 @@ double tone_mapped(double x) {
 }
 
 // One stop apart for up to 24 stops between brightest and median; for a greater range the step grows.
-constexpr int most_exposures = 24;
+constexpr int max_exposures = 24;
 
 // Exposures in stops that map the reference's brightest and its median pixel to 0.85. If the median is 0 (a
 // small object in front of black), the median of the pixels with light is used.
@@ -277,7 +277,7 @@ std::vector<float> flip_map(const std::vector<float>& test, const std::vector<fl
         return map;
     }
     const auto [first, last] = exposures_of(reference);
-    const int count = std::clamp(int(std::ceil(last - first)), 2, most_exposures);
+    const int count = std::clamp(int(std::ceil(last - first)), 2, max_exposures);
     for (int e = 0; e < count; ++e) {
         const double gain = std::exp2(first + (last - first) * e / (count - 1));
         keep([gain](double v) { return tone_mapped(gain * v); });

@@ -43,7 +43,7 @@ std::vector<double> guarded(const std::vector<float>& variance, int width, int h
 // Relative error of a colour stored as half float; a difference that is negligible relative to the picture's
 // mean; the smallest half: a golden frame's variance below it is stored as 0, and a colour may be off by half
 // of it.
-constexpr double rounding = 0x1p-12, nothing = 1e-4, least_half = 0x1p-24;
+constexpr double rounding = 0x1p-12, nothing = 1e-4, min_half = 0x1p-24;
 
 ScaleResult worst_of(const std::vector<float>& test, const std::vector<float>& reference,
                      const std::vector<double>& variance, double least, int width, int height, int size) {
@@ -110,11 +110,11 @@ void note_noise(const Picture::Layer& test, const Picture::Layer& reference, Com
 }
 
 // The smallest variance that counts in deviations().
-double least_variance(const std::vector<float>& reference, Halves halves) {
+double min_variance(const std::vector<float>& reference, Halves halves) {
     double mean = 0.0;
     for (const float v : reference) mean += std::abs(double(v)) / double(reference.size());
-    const double rounding_variance = halves == Halves::variance  ? least_half
-                                     : halves == Halves::colours ? 0.25 * least_half * least_half
+    const double rounding_variance = halves == Halves::variance  ? min_half
+                                     : halves == Halves::colours ? 0.25 * min_half * min_half
                                                                  : 0.0;
     return std::max(rounding_variance, nothing * nothing * mean * mean) + 1e-60;
 }
@@ -212,7 +212,7 @@ std::vector<ScaleResult> deviations(const std::vector<float>& test, const std::v
                                     const std::vector<float>& variance, Halves halves, int width,
                                     int height) {
     const std::vector<double> guarded_variance = guarded(variance, width, height);
-    const double least = least_variance(reference, halves);
+    const double least = min_variance(reference, halves);
     std::vector<ScaleResult> scales;
     for (int size = 1; size < std::max(width, height); size *= 2)
         scales.push_back(worst_of(test, reference, guarded_variance, least, width, height, size));
@@ -285,7 +285,7 @@ void judge_noise(const Picture& test, const Picture& reference, const std::vecto
     if (limits)
         return; // they are measured, and have no need of a test that assumes that the variance is right
     result.ratios =
-        energy_ratios(a, b, variance, least_variance(b, halves), level / tests, result.width, result.height);
+        energy_ratios(a, b, variance, min_variance(b, halves), level / tests, result.width, result.height);
     report_ratios(result);
 }
 

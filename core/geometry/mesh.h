@@ -21,8 +21,7 @@ struct Mesh {
     std::vector<std::array<uint32_t, 3>> triangles; // anticlockwise seen from outside
 };
 
-inline constexpr double greatest_coordinate = 1e18; // Embree's limit is a little above
-inline constexpr uint64_t greatest_count =
+inline constexpr uint64_t max_count =
     0xffffffffu - 1; // of vertices, of triangles; also keeps ~0u free as "none"
 
 // Unit vertex normals: the mean of the triangles' normals weighted by their angle there (Thürmer and Wüthrich

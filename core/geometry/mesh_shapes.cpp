@@ -17,13 +17,13 @@ using Triangle = std::array<uint32_t, 3>;
 }
 
 void check_size(const char* mesh, const char* name, double value) {
-    if (!(value > 0.0 && value <= greatest_coordinate))
+    if (!(value > 0.0 && value <= embree_limit))
         refuse(mesh, fmt::format("{} is {}", name, value), "give a finite size above 0");
 }
 
 void check_divisions(const char* mesh, int divisions, uint64_t triangles) {
     if (divisions < 1) refuse(mesh, fmt::format("divisions is {}", divisions), "give at least 1");
-    if (triangles > greatest_count / 2)
+    if (triangles > max_count / 2)
         refuse(mesh, fmt::format("{} divisions make {} triangles", divisions, triangles),
                "use fewer divisions");
 }
@@ -190,12 +190,12 @@ Mesh heightfield_mesh(std::span<const float> heights, int width, int height, Vec
     if (width < 2 || height < 2 || heights.size() != size_t(width) * size_t(height))
         refuse("heightfield", fmt::format("{} heights for {} x {} samples", heights.size(), width, height),
                "give at least 2 x 2 samples");
-    if (heights.size() > greatest_count / 2)
+    if (heights.size() > max_count / 2)
         refuse("heightfield", "has too many samples", "make the image smaller");
     Mesh mesh = grid(size, uint32_t(width), uint32_t(height));
     for (size_t i = 0; i < heights.size(); ++i) {
         const double y = double(heights[i]) * height_scale;
-        if (!(std::fabs(y) <= greatest_coordinate))
+        if (!(std::fabs(y) <= embree_limit))
             refuse(
                 "heightfield",
                 fmt::format("the height of sample ({}, {}) is {}", i % size_t(width), i / size_t(width), y),

@@ -136,12 +136,12 @@ uint32_t motion_keys_for(const SceneMesh& mesh, double tolerance, const View& vi
     if (!(open < close && mesh.moves_within(open, close))) return least;
     const MotionProbes probes(mesh, view, open, close);
     const std::vector<double> bends = mesh.bends_within(open, close);
-    for (uint32_t keys = least; keys <= most_motion_keys; ++keys)
+    for (uint32_t keys = least; keys <= max_motion_keys; ++keys)
         if (motion_error(probes, bends, view, keys, open, close, tolerance) <= tolerance) return keys;
     constexpr uint32_t many = 48; // with fewer, the error of smooth motion is twice that with 64
-    uint32_t best = most_motion_keys;
+    uint32_t best = max_motion_keys;
     double error = std::numeric_limits<double>::infinity();
-    for (uint32_t keys = most_motion_keys; keys > many && keys >= least; --keys) {
+    for (uint32_t keys = max_motion_keys; keys > many && keys >= least; --keys) {
         const double with = motion_error(probes, bends, view, keys, open, close, error);
         if (with < error) error = with, best = keys;
     }
@@ -151,7 +151,7 @@ uint32_t motion_keys_for(const SceneMesh& mesh, double tolerance, const View& vi
 void StrandMotion::add(std::span<const float* const> samples, size_t cvs, const View& view) {
     const size_t last = samples.size() - 1;
     levels_ = 1;
-    while (levels_ < most_levels && size_t{1} << (levels_ + 1) <= last) ++levels_;
+    while (levels_ < max_levels && size_t{1} << (levels_ + 1) <= last) ++levels_;
     assert(last >= 4 && last == size_t{1} << levels_);
     Gap gap{};
     std::vector<Vec3d> p(samples.size());
@@ -207,7 +207,7 @@ uint32_t StrandMotion::keys_for(double tolerance) const {
     // Only some patches are measured, and others may move faster. Fitted to the scenes: see the README.
     constexpr double spare = 1.25;
     uint32_t keys = 2;
-    while (keys < most_motion_keys && spare * residual_error(keys, tolerance) > tolerance) ++keys;
+    while (keys < max_motion_keys && spare * residual_error(keys, tolerance) > tolerance) ++keys;
     return keys;
 }
 

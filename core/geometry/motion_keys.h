@@ -15,7 +15,7 @@
 
 namespace marram {
 
-constexpr uint32_t most_motion_keys = 64;
+constexpr uint32_t max_motion_keys = 64;
 
 // Motion sample times in frames: `keys` equally spaced from `open` to `close`, both ends exact; one if open =
 // close.
@@ -53,8 +53,8 @@ class StrandMotion {
     uint32_t keys_for(double tolerance) const;
 
   private:
-    static constexpr size_t most_levels = 4;
-    using Gap = std::array<float, most_levels>; // of one strand, with 2^level + 1 keys
+    static constexpr size_t max_levels = 4;
+    using Gap = std::array<float, max_levels>; // of one strand, with 2^level + 1 keys
     bool jumps(const Gap& gap, double tolerance) const;
     size_t levels_ = 2; // number measured
     std::vector<Gap> gaps_;

@@ -34,7 +34,7 @@ struct Tiles {
 };
 
 Tiles read_tiles(const ParamValue& value) {
-    constexpr double most_values = 1e9; // 4 GB
+    constexpr double max_values = 1e9; // 4 GB
     const std::vector<UdimTile> files = udim_tiles(value.text);
     if (files.empty())
         throw InputError(value.place, fmt::format("there is no tile of \"{}\"", value.text),
@@ -55,7 +55,7 @@ Tiles read_tiles(const ParamValue& value) {
     }
     tiles.columns = last_u - tiles.u + 1;
     tiles.rows = last_v - tiles.v + 1;
-    if (double(width) * height * channels * tiles.columns * tiles.rows > most_values)
+    if (double(width) * height * channels * tiles.columns * tiles.rows > max_values)
         throw InputError(
             value.place,
             fmt::format("the tiles of \"{}\" cover {} x {} squares of {} x {} pixels, more than 4 GB",

@@ -178,8 +178,8 @@ fs::path destination_of(const std::string& path) {
     std::error_code error;
     fs::path at = fs::absolute(path, error);
     if (error) return path;
-    constexpr int most_links = 40; // the limit of Linux
-    for (int links = 0; links < most_links && fs::is_symlink(at, error); ++links) {
+    constexpr int max_links = 40; // the limit of Linux
+    for (int links = 0; links < max_links && fs::is_symlink(at, error); ++links) {
         const fs::path next = fs::read_symlink(at, error);
         if (error) break;
         at = at.parent_path() / next;
@@ -218,11 +218,11 @@ void remove_temporary_files() {
 
 TemporaryFile::TemporaryFile(const std::string& path, const fs::path& target) {
     // A name may be taken, or another process may remove the file before it is locked.
-    constexpr int most_tries = 100;
+    constexpr int max_tries = 100;
     // Until it replaces a private file, it is no more open than that.
     const std::optional<struct stat> old = replaced_file(target);
     const mode_t mode = old ? (old->st_mode & 0666U) | 0600U : 0666U;
-    for (int tries = 0; tries < most_tries; ++tries) {
+    for (int tries = 0; tries < max_tries; ++tries) {
         name_ = temporary_name(target);
         descriptor_ = ::open(name_.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, mode);
         if (descriptor_ < 0 && errno == EEXIST) continue;

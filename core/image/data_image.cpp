@@ -121,8 +121,8 @@ struct Outlier {
 
 // Only great numbers, as markers are: a mask of 0 and 1 has none.
 std::optional<Outlier> outlier_of(const Image& image) {
-    constexpr double least_marker = 999.0; // the smallest in use
-    constexpr double far = 3.0;            // ranges of the other values
+    constexpr double min_marker = 999.0; // the smallest in use
+    constexpr double far = 3.0;          // ranges of the other values
     const auto channels = size_t(image.channels);
     constexpr double infinity = std::numeric_limits<double>::infinity();
     double low = infinity, high = -infinity;
@@ -131,7 +131,7 @@ std::optional<Outlier> outlier_of(const Image& image) {
         high = std::max(high, double(image.pixels[i]));
     }
     for (const double extreme : {low, high}) {
-        if (!(std::abs(extreme * image.stored_one) >= least_marker)) continue;
+        if (!(std::abs(extreme * image.stored_one) >= min_marker)) continue;
         double others_low = infinity, others_high = -infinity;
         for (size_t i = 0; i < image.pixels.size(); i += channels)
             if (const auto v = double(image.pixels[i]); v != extreme) {

@@ -17,7 +17,7 @@ namespace {
 // Memory for a comparison, measured with 2 x RGB in float at 1920 x 1080 and 6000 x 4000 pixels: about 200
 // bytes a pixel (mostly for FLIP). Each further channel is stored in the image and in its layer, for both
 // pictures, and once more while it is compared.
-constexpr double bytes_a_pixel = 200.0, bytes_a_channel = 24.0, greatest_bytes_to_compare = 8.0 * (1 << 30);
+constexpr double bytes_a_pixel = 200.0, bytes_a_channel = 24.0, max_bytes_to_compare = 8.0 * (1 << 30);
 
 void check_header(const std::string& path, const ImageHeader& header) {
     if (header.extent != Extent::whole)
@@ -27,13 +27,13 @@ void check_header(const std::string& path, const ImageHeader& header) {
                          "save one whole picture to a file of its own");
     const double bytes = double(header.width) * header.height *
                          (bytes_a_pixel + bytes_a_channel * std::max(0, header.channels - 3));
-    if (bytes > greatest_bytes_to_compare)
+    if (bytes > max_bytes_to_compare)
         throw InputError(
             {path},
             fmt::format("is {} x {} pixels of {} channels: comparing it would take about {:.0f} GiB "
                         "of memory, more than {:.0f}",
                         header.width, header.height, header.channels, bytes / (1 << 30),
-                        greatest_bytes_to_compare / (1 << 30)),
+                        max_bytes_to_compare / (1 << 30)),
             "compare it in parts, or scaled down");
 }
 

@@ -23,6 +23,8 @@ inline constexpr double pi = std::numbers::pi;
 inline constexpr double infinity = std::numeric_limits<double>::infinity();
 inline constexpr float pi_f = std::numbers::pi_v<float>;
 inline constexpr double degree = pi / 180.0; // radians in a degree
+inline constexpr double embree_limit =
+    1e18; // of coordinates: Embree silently drops vertices slightly beyond it
 
 // An orthonormal basis around a unit vector, without branches on direction and exact to rounding everywhere
 // (Duff et al., "Building an Orthonormal Basis, Revisited", JCGT 2017).

@@ -84,7 +84,7 @@ void PlyCurves::check_header() const {
         file_.fail_header("the vertices have no x, y and z", "save the curves again");
     for (const PlyElement& element : file_.elements()) {
         const bool is_read = &element == vertices || &element == edges || is_curve_element(element);
-        if (element.count > greatest_count && is_read)
+        if (element.count > max_count && is_read)
             file_.fail_header(fmt::format("{} entries of \"{}\" are too many", element.count, element.name),
                               "split it into several files");
         for (const PlyProperty& property : element.properties)
@@ -154,7 +154,7 @@ void PlyCurves::read_vertices(const PlyElement& element) {
             if (!std::isfinite(value))
                 file_.fail(fmt::format("\"{}\" is not a finite number", property.name),
                            "write a finite number");
-            if (std::fabs(value) > greatest_curve_coordinate)
+            if (std::fabs(value) > max_curve_coordinate)
                 file_.fail(fmt::format("the coordinate {} is beyond 1e8 m", value), "scale it down");
             point[property.slot] = value;
         }

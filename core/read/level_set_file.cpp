@@ -286,7 +286,7 @@ Mesh read_vdb(const std::string& path, std::string& bytes) {
     mesh.positions.reserve(points.size());
     for (const openvdb::Vec3s& p : points) {
         const Vec3f position(p.x(), p.y(), p.z());
-        if (!(double(position.cwiseAbs().maxCoeff()) <= greatest_coordinate))
+        if (!(double(position.cwiseAbs().maxCoeff()) <= embree_limit))
             throw InputError(Place{path}, "has a vertex beyond 1e18", "check its transform");
         mesh.positions.push_back(position);
     }

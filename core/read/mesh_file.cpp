@@ -38,7 +38,7 @@ void finish_normals(Mesh& mesh, bool smooth) {
 // Whether two meshes have the same polygons, whichever way these are wound and divided into triangles: a
 // polygon's triangles follow each other, and its edges are those of an odd number of them.
 bool same_polygons(const std::vector<Triangle>& a, const std::vector<Triangle>& b) {
-    constexpr size_t most_edges = 256; // of polygons that differ
+    constexpr size_t max_edges = 256; // of polygons that differ
     if (a.size() != b.size()) return false;
     std::vector<std::pair<uint32_t, uint32_t>> edges; // of an odd number of both; none: a polygon ends
     const auto toggle = [&](uint32_t from, uint32_t to) {
@@ -48,7 +48,7 @@ bool same_polygons(const std::vector<Triangle>& a, const std::vector<Triangle>& 
         else
             edges.push_back(edge);
     };
-    for (size_t t = 0; t < a.size() && edges.size() <= most_edges; ++t) {
+    for (size_t t = 0; t < a.size() && edges.size() <= max_edges; ++t) {
         if (edges.empty() && a[t] == b[t]) continue;
         for (const Triangle& triangle : {a[t], b[t]})
             for (size_t k = 0; k < 3; ++k) toggle(triangle[k], triangle[(k + 1) % 3]);
@@ -85,7 +85,7 @@ Mesh load_mesh(const std::string& path, const MeshLoading& loading) {
     if (mesh.triangles.empty())
         throw InputError(Place{path}, "has no triangles",
                          "check that the surface was exported, not only its points");
-    if (mesh.triangles.size() > greatest_count || mesh.positions.size() > greatest_count)
+    if (mesh.triangles.size() > max_count || mesh.positions.size() > max_count)
         throw InputError(Place{path}, "has more than 4,294,967,294 vertices or triangles",
                          "split it into several files");
     settle(mesh, loading, extension != ".vdb");

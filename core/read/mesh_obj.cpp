@@ -164,7 +164,7 @@ void Scan::numbers(Kind kind, size_t begin, size_t end) {
         if (count < 3 &&
             (fault == NumberFault::not_finite || std::fabs(value) > std::numeric_limits<float>::max()))
             fail(at, fmt::format("\"{}\" is not a finite number", token(at, stop)), "write a finite number");
-        if (kind == position && count < 3 && std::fabs(value) > greatest_coordinate)
+        if (kind == position && count < 3 && std::fabs(value) > embree_limit)
             fail(at, fmt::format("the coordinate {} is beyond 1e18", token(at, stop)), "scale the mesh down");
         at = skip_blanks(stop, end);
     }
@@ -184,8 +184,8 @@ void Scan::face(size_t begin, size_t end) {
         at = skip_blanks(stop, end);
     }
     if (count < 3) fail(begin, fmt::format("a face of {} corners", count), "a face needs at least 3");
-    if (count > greatest_polygon)
-        fail(begin, fmt::format("a face of {} corners, more than {}", count, greatest_polygon), "split it");
+    if (count > max_polygon)
+        fail(begin, fmt::format("a face of {} corners, more than {}", count, max_polygon), "split it");
     corners_ += count;
     ++faces_;
 }
@@ -383,7 +383,7 @@ Mesh read_obj(const std::string& path, std::string& bytes, std::vector<std::stri
     scan.run();
     if (std::string warning = scan.dangling_warning(); warnings && !warning.empty())
         warnings->push_back(std::move(warning));
-    if (scan.corners() > greatest_count)
+    if (scan.corners() > max_count)
         throw InputError(Place{path}, "has more than 4,294,967,294 corners", "split it into several files");
     ObjData data = parse(path, bytes, scan);
     bytes = std::string();

@@ -50,7 +50,7 @@ void PlyMesh::check_header() const {
             file_.fail_header("the vertices have no x, y and z", "save the mesh again");
         if (element.name == "face" && element.count > 0 && !element.has(face_corners))
             file_.fail_header("the faces have no list vertex_indices", "save the mesh again");
-        if ((element.name == "vertex" || element.name == "face") && element.count > greatest_count)
+        if ((element.name == "vertex" || element.name == "face") && element.count > max_count)
             file_.fail_header(fmt::format("{} entries of \"{}\" are too many", element.count, element.name),
                               "split it into several files");
     }
@@ -74,7 +74,7 @@ void PlyMesh::read_vertices(const PlyElement& element, Mesh& mesh) {
             if (!(std::fabs(value) <= std::numeric_limits<float>::max()))
                 file_.fail(fmt::format("\"{}\" is not a finite number", property.name),
                            "write a finite number");
-            if (property.slot <= pz && std::fabs(value) > greatest_coordinate)
+            if (property.slot <= pz && std::fabs(value) > embree_limit)
                 file_.fail(fmt::format("the coordinate {} is beyond 1e18", value), "scale the mesh down");
         }
         file_.end_entry();
@@ -87,8 +87,8 @@ void PlyMesh::read_vertices(const PlyElement& element, Mesh& mesh) {
 void PlyMesh::read_corners(const PlyProperty& property, uint64_t vertex_count) {
     const uint64_t size = file_.list_length(property);
     if (size < 3) file_.fail(fmt::format("a face of {} corners", size), "a face needs at least 3");
-    if (size > greatest_polygon)
-        file_.fail(fmt::format("a face of {} corners, more than {}", size, greatest_polygon), "split it");
+    if (size > max_polygon)
+        file_.fail(fmt::format("a face of {} corners, more than {}", size, max_polygon), "split it");
     for (uint64_t i = 0; i < size; ++i) {
         const double index = file_.read_number(property, property.type);
         if (!(index >= 0.0 && index < double(vertex_count) && index == std::floor(index)))

@@ -15,7 +15,7 @@
 
 namespace marram {
 
-inline constexpr uint32_t greatest_polygon = 10000; // corners; concave ones take quadratic time
+inline constexpr uint32_t max_polygon = 10000; // corners; concave ones take quadratic time
 
 // Each parses a whole file. The mesh's normals, if any, need not be unit yet; a zero stands for a missing
 // one. They may overwrite `bytes`. warnings: as in MeshLoading.

@@ -48,7 +48,7 @@ void ObjLinesReader::read_vertex(std::string_view line) {
         const std::string_view text = word(line);
         if (parse_number(text, vertex[axis]) != NumberFault::none)
             fail(text, "this vertex is not three finite numbers", "give \"v x y z\"");
-        if (!(std::fabs(vertex[axis]) <= greatest_curve_coordinate))
+        if (!(std::fabs(vertex[axis]) <= max_curve_coordinate))
             fail(text, fmt::format("the coordinate {} is beyond 1e8 m", vertex[axis]), "scale it down");
     }
     double unused = 0.0; // w or a colour
@@ -60,7 +60,7 @@ void ObjLinesReader::read_vertex(std::string_view line) {
 
 // l 1 2 3, or l 1/1 2/2 with texture coordinates; negative indices count back from the latest vertex.
 void ObjLinesReader::read_line(std::string_view line) {
-    constexpr auto most = int64_t(greatest_count);
+    constexpr auto most = int64_t(max_count);
     uint32_t count = 0;
     for (std::string_view text = word(line); !text.empty(); text = word(line), ++count) {
         const size_t slash = std::min(text.find('/'), text.size());

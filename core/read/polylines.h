@@ -36,7 +36,7 @@ inline constexpr int usda_points_a_segment = 8;
 // Shared by the readers.
 // Throws InputError if prims are chosen of a file that is no .usda.
 void check_prims(const std::string& file, const std::string& extension, std::span<const std::string> prims);
-inline constexpr double greatest_curve_coordinate = 1e8; // metres, as in scenes
+inline constexpr double max_curve_coordinate = 1e8; // metres, as in scenes
 std::vector<Polyline> read_ply_polylines(const std::string& file, std::string_view bytes);
 std::vector<Polyline> read_usda_polylines(const std::string& file, std::string_view bytes,
                                           std::span<const std::string> prims = {},

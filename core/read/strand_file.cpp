@@ -30,7 +30,7 @@ void keep(std::vector<Value>& values, size_t components, const std::vector<char>
 } // namespace
 
 float integer_to_float(int64_t value, uint64_t& folded) {
-    if (value >= -greatest_whole && value <= greatest_whole) return float(value);
+    if (value >= -max_whole && value <= max_whole) return float(value);
     ++folded;
     return float(mix64(uint64_t(value)) >> 40);
 }

@@ -93,7 +93,7 @@ StrandFile read_obj_strands(const std::string& file, std::string_view bytes);
 // Shared by the readers.
 
 // Integers that a float would round are hashed to 24 bits: equal numbers give equal values.
-inline constexpr int64_t greatest_whole = int64_t(1) << 24;
+inline constexpr int64_t max_whole = int64_t(1) << 24;
 float integer_to_float(int64_t value, uint64_t& folded); // folded: their count
 
 // Turns every strand round, with all its values per CV.

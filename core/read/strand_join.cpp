@@ -39,11 +39,11 @@ std::vector<std::string> join_strands(const Place& place, const std::string& pat
         const auto same = std::ranges::find(all.attributes, attribute.name, &AttributeValues::name);
         if (same == all.attributes.end()) {
             lacks(attribute.name);
-            if (all.attributes.size() == most_strand_attributes)
+            if (all.attributes.size() == max_strand_attributes)
                 throw InputError(
                     place,
                     fmt::format("\"{}\" and the prims before it have more than {} primvars in all", path,
-                                most_strand_attributes),
+                                max_strand_attributes),
                     "leave out those that nobody uses, or split the file");
             attribute.values.insert(
                 attribute.values.begin(),

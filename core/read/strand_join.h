@@ -6,7 +6,7 @@
 
 namespace marram {
 
-inline constexpr size_t most_strand_attributes = 64; // constant ones are copied to every curve
+inline constexpr size_t max_strand_attributes = 64; // constant ones are copied to every curve
 
 // Appends `part`, which has the same times, to `all`, which may be empty. Attributes and widths that one of them lacks are
 // 0 there: returns a line for each. place, path: of the part, for messages. Throws InputError for attributes that do not

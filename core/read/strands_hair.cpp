@@ -191,7 +191,7 @@ StrandFile HairReader::read() {
     read_counts();
     StrandSample& sample = strands_.samples.emplace_back();
     sample.points = std::vector<Vec3f>(header_.points);
-    constexpr auto farthest = float(greatest_curve_coordinate);
+    constexpr auto farthest = float(max_curve_coordinate);
     float* coordinates = sample.points.front().data();
     read_floats(coordinates, 3 * uint64_t(header_.points), -farthest, farthest, [&](uint64_t i) {
         throw InputError(

@@ -232,7 +232,7 @@ std::vector<float> PlyStrandsReader::widths_of(const std::vector<PlyColumn>& col
         widths.reserve(rows.size());
         for (const uint32_t row : rows) {
             const float value = columns[column].values[row];
-            if (!(value >= 0.0F && value <= float(greatest_curve_coordinate)))
+            if (!(value >= 0.0F && value <= float(max_curve_coordinate)))
                 throw InputError({path_}, fmt::format("the {} of entry {} is {}", name, row, value),
                                  "write 0 or more, in metres");
             widths.push_back(name == "radius" ? 2.0F * value : value);

@@ -20,7 +20,7 @@ namespace {
 
 using Numbers = std::vector<double>;
 // Relative to a curve's length; for rotating transforms relative to the curves' size.
-constexpr double greatest_deviation = 1e-3;
+constexpr double max_deviation = 1e-3;
 constexpr uint32_t max_pieces = 8; // per cubic
 constexpr int most_depth = 8;      // of bisection between two samples of a transform
 
@@ -169,7 +169,7 @@ bool UsdaStrandsReader::is_linear_within(const std::vector<const UsdaPrim*>& anc
         for (int corner = 0; corner < 8; ++corner) {
             const Vec3d p = box.corner(Eigen::AlignedBox3d::CornerType(corner));
             const Vec3d off = way.topLeftCorner<3, 3>() * p + way.topRightCorner<3, 1>();
-            if (!(off.norm() <= greatest_deviation * size)) return false;
+            if (!(off.norm() <= max_deviation * size)) return false;
         }
     }
     return true;
@@ -281,7 +281,7 @@ Numbers UsdaStrandsReader::placed_points(const UsdaCurvesPrim& prim, const UsdaS
     for (size_t i = 0; i + 2 < placed.size(); i += 3) {
         Eigen::Map<Vec3d> p(placed.data() + i);
         if (!rests) p = (place.topLeftCorner<3, 3>() * p + place.topRightCorner<3, 1>()).eval();
-        if (!(p.array().abs() <= greatest_curve_coordinate).all())
+        if (!(p.array().abs() <= max_curve_coordinate).all())
             scene_.fail(points.of->at,
                         fmt::format("point {} of \"{}\" {}", i / 3, prim.path,
                                     p.allFinite() ? "is beyond 1e8 m" : "is not three finite numbers"),
@@ -301,7 +301,7 @@ bool UsdaStrandsReader::cut_evenly(UsdaCvs& cvs, const UsdaCurvesPrim& prim, con
             const Numbers vertices = placed_points(prim, points, time);
             const UsdaCvs::Deviation off = cvs.deviation(vertices, cvs.of_vertices(vertices, 3, false));
             part.deviation = std::max(part.deviation, off.distance);
-            is_near = is_near && off.share <= greatest_deviation;
+            is_near = is_near && off.share <= max_deviation;
             if (!is_near && pieces < max_pieces) break;
         }
         if (is_near || pieces == max_pieces) return is_near;
@@ -333,7 +333,7 @@ std::vector<float> UsdaStrandsReader::widths_at(const UsdaCvs& cvs, const UsdaCu
     const double scale =
         std::cbrt(std::abs(placing(prim.ancestors, time).topLeftCorner<3, 3>().determinant()));
     for (size_t i = 0; i < given.size(); ++i)
-        if (!(given[i] >= 0.0) || !(given[i] * scale <= greatest_curve_coordinate))
+        if (!(given[i] >= 0.0) || !(given[i] * scale <= max_curve_coordinate))
             scene_.fail(widths.of->at,
                         fmt::format("width {} of \"{}\" is not a finite number of 0 or more", i, prim.path),
                         "write diameters");
@@ -555,9 +555,9 @@ void UsdaStrandsReader::read_attribute(const UsdaCvs& cvs, const UsdaCurvesPrim&
                         "write finite numbers that a float holds");
         result.values.push_back(float(number));
     }
-    if (part.attributes.size() == most_strand_attributes)
+    if (part.attributes.size() == max_strand_attributes)
         scene_.fail(attribute.at,
-                    fmt::format("\"{}\" has more than {} primvars", prim.path, most_strand_attributes),
+                    fmt::format("\"{}\" has more than {} primvars", prim.path, max_strand_attributes),
                     "leave out those that nobody uses");
     part.attributes.push_back(std::move(result));
 }

@@ -61,7 +61,7 @@ void UsdaCurvesReader::read_points(const UsdaPrim& prim, const UsdaTransform& pl
     for (size_t i = 0; i < numbers->size(); i += 3) {
         const Vec3d p =
             placing.topLeftCorner<3, 3>() * Vec3d(numbers->data() + i) + placing.topRightCorner<3, 1>();
-        if (!(p.cwiseAbs().maxCoeff() <= greatest_curve_coordinate))
+        if (!(p.cwiseAbs().maxCoeff() <= max_curve_coordinate))
             scene_.fail(at,
                         fmt::format("point {} of \"{}\" {}", i / 3, curves.path,
                                     p.allFinite() ? "is beyond 1e8 m" : "is not three finite numbers"),
@@ -162,8 +162,7 @@ std::vector<uint32_t> usda_curve_counts(const UsdaScene& scene, const UsdaPrim& 
     counts.reserve(numbers->size());
     uint64_t sum = 0;
     for (const int64_t count : *numbers) {
-        if (count < 0 || uint64_t(count) > greatest_count ||
-            (count > 1 && kind.segments(uint32_t(count)) == 0))
+        if (count < 0 || uint64_t(count) > max_count || (count > 1 && kind.segments(uint32_t(count)) == 0))
             scene.fail(at, fmt::format("curve {} of \"{}\" has {} vertices", counts.size(), path, count),
                        "see USD's BasisCurves for how many its type, basis and wrap allow");
         counts.push_back(uint32_t(count));

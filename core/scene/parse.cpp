@@ -15,7 +15,7 @@ namespace marram {
 namespace {
 
 // Bytes. A scene is a page of text; data belong in separate files.
-constexpr size_t largest_file = size_t(64) << 20;
+constexpr size_t max_file = size_t(64) << 20;
 
 std::string read_file(const std::string& file) {
     namespace fs = std::filesystem;
@@ -34,7 +34,7 @@ std::string read_file(const std::string& file) {
     std::string text, block(1 << 16, '\0');
     while (in.read(block.data(), static_cast<std::streamsize>(block.size())) || in.gcount() > 0) {
         text.append(block, 0, static_cast<size_t>(in.gcount()));
-        if (text.size() > largest_file)
+        if (text.size() > max_file)
             throw InputError({file}, "the scene file is larger than 64 MB",
                              "keep data in files that the scene names");
     }
@@ -85,7 +85,7 @@ std::optional<Place> deep_key(std::string_view text) {
         } else if (c == '#') {
             while (i + 1 < text.size() && text[i + 1] != '\n') ++i;
         } else if (c == '.') {
-            if (++parts > most_parts) return Place{{}, line, static_cast<int>(i - line_start) + 1};
+            if (++parts > max_parts) return Place{{}, line, static_cast<int>(i - line_start) + 1};
         } else if (std::strchr(",=[]{}\n", c)) {
             parts = 1;
         }
@@ -110,7 +110,7 @@ toml::table parse_scene(Reading& reading) {
                          "begin with a [camera] and a [[mesh]]");
     if (std::optional<Place> place = deep_key(text))
         throw InputError({reading.file, place->line, place->column},
-                         fmt::format("a key has more than {} parts", most_parts), "take the dots out");
+                         fmt::format("a key has more than {} parts", max_parts), "take the dots out");
     try {
         return toml::parse(text, std::string_view(reading.file));
     } catch (const toml::parse_error& error) {

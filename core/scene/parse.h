@@ -11,9 +11,9 @@ namespace marram {
 // larger than 64 MB, or not TOML.
 toml::table parse_scene(Reading& reading);
 
-constexpr size_t most_parts = 17; // of a dotted key; the deepest valid key has 4
+constexpr size_t max_parts = 17; // of a dotted key; the deepest valid key has 4
 
-// The place where a dotted key exceeds most_parts parts, or nullopt. toml++ limits the nesting of values but
+// The place where a dotted key exceeds max_parts parts, or nullopt. toml++ limits the nesting of values but
 // not of dotted keys (a.a.a.a ...), and destroys its tree recursively: tens of thousands of dots overflow the
 // stack. So the parts are counted before parsing, by a scan that understands strings and comments.
 std::optional<Place> deep_key(std::string_view text);

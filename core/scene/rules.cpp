@@ -71,7 +71,7 @@ void check_lights(const std::vector<Item>& lights, Reading& reading) {
     }
 }
 
-constexpr int most_shapes = 10'000;
+constexpr int max_shapes = 10'000;
 
 // Checks items of type "file" or "strands", which may have one file per frame. endings: readable formats.
 void check_files(const std::vector<Item>& items, const char* kind, const char* type,
@@ -84,8 +84,8 @@ void check_files(const std::vector<Item>& items, const char* kind, const char* t
         if (frames && !has_frame_mark(file->text))
             reading.report(file->place, fmt::format("{}.file is one file for all of file_frames", name),
                            "put a #### where the frame's number belongs, or leave file_frames out");
-        if (frames && frames->numbers[1] - frames->numbers[0] >= most_shapes)
-            reading.report(frames->place, fmt::format("{}.file_frames are more than {}", name, most_shapes),
+        if (frames && frames->numbers[1] - frames->numbers[0] >= max_shapes)
+            reading.report(frames->place, fmt::format("{}.file_frames are more than {}", name, max_shapes),
                            "all are held in memory: give those that the shot sees");
         if (is_one_of(extension_of(file->text), endings)) continue;
         reading.report(file->place, fmt::format("{}.file is no {}", name, fmt::join(endings, " and no ")),

@@ -265,7 +265,7 @@ void apply(toml::table& root, const std::string& setting, Reading& reading) {
     const std::vector<Step> steps = steps_of(target.key);
     const bool gap = std::any_of(steps.begin(), steps.end(),
                                  [](const Step& step) { return step.key.empty() && !step.element; });
-    if (steps.empty() || gap || steps.size() > most_parts)
+    if (steps.empty() || gap || steps.size() > max_parts)
         return reading.report({source, 0, 0},
                               fmt::format("{} is no key", in_quotes(setting.substr(0, equals))), example);
     put(*target.table, steps, std::move(*value.get("value")), source, target.owner, reading);

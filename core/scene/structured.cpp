@@ -18,7 +18,7 @@ namespace {
 
 constexpr double unbounded = std::numeric_limits<double>::infinity();
 // Larger values in transforms are typing mistakes, and floats would lose too much precision.
-constexpr double largest_frame = 1e6, largest_distance = 1e8, largest_angle = 1e6, largest_scale = 1e6;
+constexpr double max_frame = 1e6, max_distance = 1e8, max_angle = 1e6, max_scale = 1e6;
 
 bool ascends(const std::vector<double>& numbers, size_t stride) {
     return numbers.size() < 2 * stride ||
@@ -57,12 +57,12 @@ bool read_key(const toml::table& table, const std::string& label, std::vector<do
         numbers.insert(numbers.end(), 3, initial);
         return true;
     };
-    bool good = read("translate", 0.0, limits("m", largest_distance), false);
-    good = read("rotate", 0.0, limits("deg", largest_angle), false) && good;
-    const bool scales = read("scale", 1.0, limits("", largest_scale), true);
+    bool good = read("translate", 0.0, limits("m", max_distance), false);
+    good = read("rotate", 0.0, limits("deg", max_angle), false) && good;
+    const bool scales = read("scale", 1.0, limits("", max_scale), true);
     if (!scales) return false;
     for (size_t i = numbers.size() - 3; i < numbers.size(); ++i) {
-        if (std::fabs(numbers[i]) >= 1.0 / largest_scale) continue;
+        if (std::fabs(numbers[i]) >= 1.0 / max_scale) continue;
         reading.report(place_of(*table.get("scale"), reading), fmt::format("{}.scale is (nearly) 0", label),
                        "give a scale other than 0, it may be negative");
         return false;
@@ -91,8 +91,8 @@ bool read_keyed(const toml::array& keys, const std::string& label, ParamValue& v
             continue;
         }
         const auto number = read_number(
-            *frame, -largest_frame, largest_frame, name + ".frame",
-            fmt::format("give a number from {} to {}", limit(-largest_frame), limit(largest_frame)), reading);
+            *frame, -max_frame, max_frame, name + ".frame",
+            fmt::format("give a number from {} to {}", limit(-max_frame), limit(max_frame)), reading);
         if (!number) return false; // the order of later keys cannot be checked
         std::vector<double> numbers = {*number};
         good = read_key(*key, name, numbers, reading) && good;

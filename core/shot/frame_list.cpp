@@ -15,7 +15,7 @@
 namespace marram {
 namespace {
 
-constexpr int64_t most_frames = 1'000'000;
+constexpr int64_t max_frames = 1'000'000;
 constexpr double units = 1e6; // per frame: frames are counted in integers of 1e-6, so decimals are exact
 
 // Parses a list from left to right. Characters in messages count from 1.
@@ -30,7 +30,7 @@ class FrameList {
         do {
             const size_t begin = at_;
             for (const int64_t frame : piece()) {
-                if (++count > size_t(most_frames)) refuse_count(begin);
+                if (++count > size_t(max_frames)) refuse_count(begin);
                 if (seen.insert(frame).second) frames.push_back(double(frame) / units);
             }
         } while (next_is(','));
@@ -57,7 +57,7 @@ class FrameList {
         } else if (at_ < text_.size() && text_[at_] == 'x') {
             refuse(at_, "a step belongs to a range", "give first and last frame before it, such as 1-100x5");
         }
-        if ((last - first) / step >= most_frames) refuse_count(begin);
+        if ((last - first) / step >= max_frames) refuse_count(begin);
         std::vector<int64_t> frames;
         for (int64_t frame = first; frame <= last; frame += step) frames.push_back(frame);
         return frames;
@@ -95,7 +95,7 @@ class FrameList {
                          at > 0 ? fmt::format("{} (character {})", what, at + 1) : what, fix);
     }
     [[noreturn]] void refuse_count(size_t at) const {
-        refuse(at, fmt::format("these are more than {} frames", most_frames), "render them in several runs");
+        refuse(at, fmt::format("these are more than {} frames", max_frames), "render them in several runs");
     }
 
     const std::string &text_, &option_;

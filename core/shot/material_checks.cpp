@@ -204,11 +204,11 @@ void visit_centroids(const Vec2f& a, const Vec2f& b, const Vec2f& c, int n, Visi
 // The unit squares of scaled uv that a geometry uses: by the centroids of triangles (those that exceed a
 // square are divided), by the roots of strands.
 std::set<UvSquare> uv_squares(const World& world, size_t geometry, const Vec2f& scale) {
-    constexpr size_t most_squares = 4096;
+    constexpr size_t max_squares = 4096;
     constexpr float most_pieces = 64.0F; // of the side of a triangle
     std::set<UvSquare> squares;
     const auto add = [&](const Vec2f& uv) {
-        if (uv.allFinite() && uv.cwiseAbs().maxCoeff() < 1e6F && squares.size() < most_squares)
+        if (uv.allFinite() && uv.cwiseAbs().maxCoeff() < 1e6F && squares.size() < max_squares)
             squares.emplace(int(std::floor(uv.x())), int(std::floor(uv.y())));
     };
     if (geometry < world.meshes.size()) {
@@ -216,7 +216,7 @@ std::set<UvSquare> uv_squares(const World& world, size_t geometry, const Vec2f& 
         if (mesh.uvs.empty()) return squares;
         const auto scaled = [&](uint32_t v) { return Vec2f(mesh.uvs[v].cwiseProduct(scale)); };
         for (const auto& [ia, ib, ic] : mesh.triangles) {
-            if (squares.size() >= most_squares) break;
+            if (squares.size() >= max_squares) break;
             const Vec2f a = scaled(ia), b = scaled(ib), c = scaled(ic);
             const float extent = (a.cwiseMax(b).cwiseMax(c) - a.cwiseMin(b).cwiseMin(c)).maxCoeff();
             const float pieces = extent > 1.0F ? std::min(std::ceil(2.0F * extent), most_pieces) : 1.0F;

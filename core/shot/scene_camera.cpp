@@ -11,7 +11,7 @@ namespace marram {
 namespace {
 
 constexpr double allowed_pixels = 0.05; // far below the width of the pixel filter
-constexpr size_t most_poses = 65;
+constexpr size_t max_poses = 65;
 
 void reject_scale(const ParamValue& keys) {
     for (size_t i = 0; i + 9 < keys.numbers.size(); i += 10)
@@ -81,7 +81,7 @@ Camera camera_at(const SceneDescription& description, double frame, double* off)
     constexpr int test_count = 512;
     const Vec2d size = description.film.vec2("size");
     const double half_height = std::tan(0.5 * camera.vertical_fov);
-    for (size_t count = 2; count <= most_poses; count = 2 * count - 1) {
+    for (size_t count = 2; count <= max_poses; count = 2 * count - 1) {
         camera.poses = poses_of(count);
         double worst = 0.0;
         for (int i = 0; i <= test_count; ++i) {

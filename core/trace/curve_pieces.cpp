@@ -55,7 +55,7 @@ ChordErrors max_errors(const ChordErrors& a, const ChordErrors& b) {
     return most;
 }
 
-uint32_t fewest_pieces(const ChordErrors& errors, uint32_t most) {
+uint32_t min_pieces(const ChordErrors& errors, uint32_t most) {
     for (uint32_t i = 0; i < most; ++i)
         if (errors[i] <= 1.0) return i + 1;
     return 0;

@@ -87,7 +87,7 @@ void add_chord_errors(const CurveVertices& curves, const ChordLimit& limit, Chor
 uint32_t max_useful_pieces(MarramShape shape, size_t keys);
 
 // The fewest pieces, up to `most`, that are within the limit everywhere; 0: trace the cubic.
-uint32_t fewest_pieces(const ChordErrors& errors, uint32_t most);
+uint32_t min_pieces(const ChordErrors& errors, uint32_t most);
 
 // Ends of a straight piece: x, y, z, radius.
 struct Chord {

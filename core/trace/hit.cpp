@@ -191,7 +191,7 @@ void set_round(const Vec3d& seen, const CurvePoint& c, const Vec3d& tangent, dou
 Vec3d across_ray(const Vec3d& tangent, const Vec3d& direction) {
     const Vec3d across = -tangent.cross(direction);
     const double sine = across.norm();
-    return sine > least_sine * least_sine ? Vec3d(across / sine) : any_across(tangent);
+    return sine > min_sine * min_sine ? Vec3d(across / sine) : any_across(tangent);
 }
 
 // The normal of a flat ribbon is the direction to the ray's origin, made perpendicular to the tangent. The
@@ -395,7 +395,7 @@ SurfacePoint mesh_point(const World& world, uint32_t mesh, uint32_t triangle, co
 }
 
 bool valid(const Ray& ray) {
-    constexpr float limit = 1e18F; // Embree's own is 1.8e18; NaN fails every comparison
+    constexpr auto limit = float(embree_limit); // NaN fails every comparison
     return ray.origin.cwiseAbs().maxCoeff() <= limit && ray.origin.allFinite() && ray.direction.allFinite() &&
            ray.direction.cwiseAbs().maxCoeff() > 0.0F && ray.tnear >= 0.0F && ray.tnear <= limit &&
            ray.tfar >= 0.0F && ray.time >= 0.0F && ray.time <= 1.0F;

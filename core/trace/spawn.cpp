@@ -63,7 +63,7 @@ double corner_distance(const SurfacePoint& point, double along, double a, double
     const double passed = b * along / a, k = std::abs(point.taper);
     const double r = point.radius + k * std::abs(passed) + margin * point.error;
     // a reach^2 + m^2 = (r + k reach)^2: the radius may grow along the ray.
-    const double cone = std::max(a - k * k, least_sine * least_sine);
+    const double cone = std::max(a - k * k, min_sine * min_sine);
     const double reach = (r * k + std::sqrt(r * r * k * k + cone * std::max(0.0, r * r - least))) / cone;
     // Positions along the fibre, from the hit in the direction of the ray. Finds the farthest corner within
     // reach. The corners of this piece are known; others are assumed to be as far apart.
@@ -81,8 +81,8 @@ double corner_distance(const SurfacePoint& point, double along, double a, double
 double exit_distance(const SurfacePoint& point, const Vec3d& d, double error) {
     const Vec3d tangent = point.tangent.cast<double>();
     const double along = tangent.dot(d), b = -point.from_axis.cast<double>().dot(d), r = point.radius;
-    const double a = std::max((d - along * tangent).squaredNorm(), least_sine * least_sine);
-    const double g = point.taper * along, cone = std::max(a - g * g, least_sine * least_sine);
+    const double a = std::max((d - along * tangent).squaredNorm(), min_sine * min_sine);
+    const double g = point.taper * along, cone = std::max(a - g * g, min_sine * min_sine);
     const double passes = std::max(0.0, b / a), over_sine = 1.0 / std::sqrt(a);
     const auto distance = [&](double e) {
         if (point.shape == PointShape::ribbon) return passes + e * over_sine;

@@ -157,8 +157,8 @@ void tessellate_patch(CurveBuild& item, uint32_t index) {
     const CurveLayout layout = layout_of(item.output);
     const size_t first_vertex = layout.first_vertex(patch.first_curve);
     const size_t vertex_count = layout.first_vertex(patch.first_curve + patch.curve_count) - first_vertex;
-    float* vertices[most_motion_keys];
-    float* normals[most_motion_keys];
+    float* vertices[max_motion_keys];
+    float* normals[max_motion_keys];
     std::vector<float*> attributes(item.attributes.size());
     for (uint32_t t = 0; t < item.output.time_count; ++t) {
         vertices[t] = item.vertices[t] + 4 * first_vertex;
@@ -274,7 +274,7 @@ uint32_t choose_pieces(Build& build, const CurveBuild& item, bool allow_round_pi
     const uint32_t most = output.shape == MARRAM_ROUND && !allow_round_pieces
                               ? 0
                               : max_useful_pieces(output.shape, output.time_count);
-    const uint32_t pieces = most > 0 ? fewest_pieces(chord_errors(item, build.settings), most) : 0;
+    const uint32_t pieces = most > 0 ? min_pieces(chord_errors(item, build.settings), most) : 0;
     build.stats.chosen[item.procedural->name() + ".curve_pieces"] = pieces;
     return pieces;
 }

@@ -15,8 +15,8 @@
 namespace marram {
 namespace {
 
-// Embree silently drops vertices beyond 1e18. NaN fails every comparison.
-bool in_embree_range(const Vec3f& p) { return (p.array().abs() < 1e18F).all(); }
+// NaN fails every comparison.
+bool in_embree_range(const Vec3f& p) { return (p.array().abs() < float(embree_limit)).all(); }
 
 MeshGeometry place_mesh(const SceneMesh& source, const std::vector<double>& times, double frame) {
     const Mesh& object = source.object().mesh;
@@ -272,7 +272,7 @@ void make_mesh(Build& build, Procedural& procedural, uint32_t id) {
         mesh.digest = digest;
         const bool moves = output.time_count > 1;
         const double left = moves ? pose_error(build, procedural, mesh, times) : 0.0;
-        if (build.chooses_keys() && left > build.settings.tolerance && 2 * keys - 1 <= most_motion_keys) {
+        if (build.chooses_keys() && left > build.settings.tolerance && 2 * keys - 1 <= max_motion_keys) {
             keys = 2 * keys - 1;
             build.lent.pop_back();
             take_warnings(build, procedural); // of what the next pass does not repeat

@@ -100,7 +100,7 @@ static_assert(std::endian::native == std::endian::little);
 // Buffered binary output to a file, row by row.
 class PlyRows {
   public:
-    explicit PlyRows(AtomicFile& file) : file_(file) { buffer_.reserve(chunk + most_row); }
+    explicit PlyRows(AtomicFile& file) : file_(file) { buffer_.reserve(chunk + max_row); }
     ~PlyRows() = default;
     PlyRows(const PlyRows&) = delete;
     PlyRows& operator=(const PlyRows&) = delete;
@@ -116,7 +116,7 @@ class PlyRows {
     }
 
   private:
-    static constexpr size_t chunk = size_t(1) << 20, most_row = size_t(1) << 12;
+    static constexpr size_t chunk = size_t(1) << 20, max_row = size_t(1) << 12;
     AtomicFile& file_;
     std::vector<char> buffer_;
 };

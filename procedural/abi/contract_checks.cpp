@@ -47,14 +47,14 @@ struct ListElement {
 // "gusts.control[12].shape" -> "gusts.control[].shape", "layer[0].edit[1].id" -> "layer[].edit[].id". Appends
 // the list elements in the name to `elements`.
 std::string declared_name(std::string_view name, std::vector<ListElement>& elements) {
-    constexpr size_t most_digits = 9;
+    constexpr size_t max_digits = 9;
     std::string declared;
     size_t begin = 0;
     while (true) {
         const size_t open = name.find('[', begin), close = name.find("].", open);
         if (open == std::string_view::npos || close == std::string_view::npos) break;
         const std::string_view digits = name.substr(open + 1, close - open - 1);
-        if (digits.empty() || digits.size() > most_digits ||
+        if (digits.empty() || digits.size() > max_digits ||
             digits.find_first_not_of("0123456789") != std::string_view::npos)
             break;
         elements.push_back({std::string(name.substr(0, open)), std::stol(std::string(digits))});
@@ -215,9 +215,6 @@ std::vector<ContractFault> value_faults(std::span<const MarramParam> params,
 
 namespace {
 
-// Embree silently drops vertices slightly beyond this, and aborts on rays that are not finite.
-constexpr auto greatest_coordinate = float(largest_coordinate);
-
 // Branch-free, so that it vectorises. NaN counts as out of range.
 bool within(const float* numbers, size_t count, float most) {
     unsigned beyond = 0;
@@ -251,7 +248,7 @@ Fault mesh_content_fault(const MarramMesh& mesh) {
     const size_t vertices = mesh.vertex_count;
     for (uint32_t t = 0; t < mesh.time_count; ++t) {
         if (!usable_coordinates(mesh.positions[t], 3 * vertices))
-            return {fmt::format("has a vertex that is not finite, or beyond {:g} m", greatest_coordinate),
+            return {fmt::format("has a vertex that is not finite, or beyond {:g} m", embree_limit),
                     "give finite positions near the origin"};
         if (mesh.normals && !finite(mesh.normals[t], 3 * vertices))
             return {"has a normal that is not finite", "give unit vectors"};
@@ -298,7 +295,7 @@ Fault curves_fault(const MarramCurves& curves, uint32_t time_count) {
     }
     for (uint32_t t = 0; t < curves.time_count; ++t)
         if (!usable_coordinates(curves.vertices[t], 4 * (cvs + 2 * curves.curve_count)))
-            return {fmt::format("have a vertex that is not finite, or beyond {:g} m", greatest_coordinate),
+            return {fmt::format("have a vertex that is not finite, or beyond {:g} m", embree_limit),
                     "give finite positions near the origin"};
     return {};
 }
@@ -320,10 +317,10 @@ constexpr double lowest_fps = 1e-3, highest_fps = 1e6;
 bool usable_time(double frame) { return std::fabs(frame) <= latest_time; } // false for NaN
 
 ContractFault times_fault(const double* times, uint32_t count) {
-    constexpr uint32_t most_times = 64;
-    if (!times || count < 1 || count > most_times)
+    constexpr uint32_t max_times = 64;
+    if (!times || count < 1 || count > max_times)
         return {"", fmt::format("there are {} motion samples", times ? count : 0),
-                fmt::format("give 1 to {}", most_times)};
+                fmt::format("give 1 to {}", max_times)};
     for (uint32_t t = 0; t < count; ++t)
         if (!std::isfinite(times[t]) || (t > 0 && !(times[t] > times[t - 1])))
             return {"", "the motion samples are not finite and ascending", "sort them, each once"};
@@ -364,17 +361,17 @@ struct Probe {
 // Through the last triangle of a usable size: if the host attached quads, its number differs from the
 // primitive's. Empty if there is none.
 std::optional<Probe> probe_of(const MarramMesh& mesh) {
-    constexpr double least_shape = 1e-3; // area over the square of the longest side
-    constexpr double least_size = 1e-3;  // relative to the coordinates, whose floats resolve 1e-7
-    constexpr double least_side = 1e-8;  // m; Embree multiplies four lengths, and floats end at 1e-38
+    constexpr double min_shape = 1e-3; // area over the square of the longest side
+    constexpr double min_size = 1e-3;  // relative to the coordinates, whose floats resolve 1e-7
+    constexpr double min_side = 1e-8;  // m; Embree multiplies four lengths, and floats end at 1e-38
     for (size_t t = mesh.triangle_count; t-- > 0;) {
         const std::array<Vec3d, 3> p = corners_of(mesh, t);
         const Vec3d e1 = p[1] - p[0], e2 = p[2] - p[0], n = e1.cross(e2);
         const double area = 0.5 * n.norm();
         const double side = std::max({e1.squaredNorm(), e2.squaredNorm(), (p[2] - p[1]).squaredNorm()});
         const Vec3d middle = (p[0] + p[1] + p[2]) / 3.0;
-        if (!(side > least_side * least_side) || !(area >= least_shape * side) ||
-            !(std::sqrt(area) > least_size * middle.cwiseAbs().maxCoeff()))
+        if (!(side > min_side * min_side) || !(area >= min_shape * side) ||
+            !(std::sqrt(area) > min_size * middle.cwiseAbs().maxCoeff()))
             continue;
         return Probe{t, middle, n / (2.0 * area), 0.05 * std::sqrt(area)};
     }
@@ -402,7 +399,7 @@ bool has_triangle_at(std::span<const MarramMesh> meshes, const RTCHit& hit, cons
 // found. Gives up after 16 hits, and returns found.
 ProbeResult find_triangle(RTCScene scene, std::span<const MarramMesh> meshes, const MarramMesh& mesh,
                           const Probe& probe) {
-    constexpr int most_hits = 16;
+    constexpr int max_hits = 16;
     const double same_place = 0.1 * probe.half_length;
     const Vec3d from = probe.middle + probe.half_length * probe.normal;
     RTCRayHit ray{};
@@ -410,7 +407,7 @@ ProbeResult find_triangle(RTCScene scene, std::span<const MarramMesh> meshes, co
     ray.ray.dir_x = float(-probe.normal.x()), ray.ray.dir_y = float(-probe.normal.y()),
     ray.ray.dir_z = float(-probe.normal.z());
     ray.ray.mask = ~0U;
-    for (int hits = 0; hits < most_hits; ++hits) {
+    for (int hits = 0; hits < max_hits; ++hits) {
         ray.ray.tfar = float(2.0 * probe.half_length);
         ray.hit.geomID = ray.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
         marram_intersect1(scene, &ray, 1);
@@ -458,7 +455,7 @@ ContractFault collider_fault(RTCScene colliders, std::span<const MarramMesh> mes
 } // namespace
 
 bool usable_coordinates(const float* numbers, size_t count) {
-    return within(numbers, count, greatest_coordinate);
+    return within(numbers, count, float(embree_limit));
 }
 
 ContractFault frame_fault(const MarramFrame& frame, std::span<const MarramMesh> meshes,
@@ -522,8 +519,7 @@ ContractFault view_fault(const MarramView& view) {
         const double *p = view.positions + 3 * t, *d = view.directions + 3 * t, *u = view.ups + 3 * t;
         bool good = std::hypot(d[0], d[1], d[2]) >= shortest && std::hypot(u[0], u[1], u[2]) >= shortest;
         for (int i = 0; i < 3; ++i)
-            good =
-                good && std::fabs(p[i]) <= largest_coordinate && std::isfinite(d[i]) && std::isfinite(u[i]);
+            good = good && std::fabs(p[i]) <= embree_limit && std::isfinite(d[i]) && std::isfinite(u[i]);
         if (!good)
             return {"", "the view has a position or direction that is no usable vector",
                     "give finite positions and unit directions"};

@@ -42,9 +42,9 @@ class ExecutorScope {
 };
 
 // A loop is split into at most this many tasks: enough to balance the load, and few against their overhead.
-inline constexpr uint64_t most_tasks = 256;
+inline constexpr uint64_t max_tasks = 256;
 
-// Runs body(i) for i below count, at most most_tasks, as tasks of the host's executor. Throws SceneFault if
+// Runs body(i) for i below count, at most max_tasks, as tasks of the host's executor. Throws SceneFault if
 // the host leaves some out.
 template <typename Body>
 void run_tasks(const MarramHost& host, uint64_t count, const Body& body) {
@@ -52,7 +52,7 @@ void run_tasks(const MarramHost& host, uint64_t count, const Body& body) {
         const MarramHost& host;
         const Body& body;
         uint64_t count;
-        std::array<std::atomic<bool>, most_tasks> started{};
+        std::array<std::atomic<bool>, max_tasks> started{};
         std::atomic<uint64_t> returned{0};
         std::atomic<bool> failed{false};
         std::mutex mutex;
@@ -91,7 +91,7 @@ tbb::blocked_range<T> part_of(const tbb::blocked_range<T>& range, uint64_t k, ui
 template <typename T>
 uint64_t parts_of(const tbb::blocked_range<T>& range) {
     const uint64_t size = uint64_t(range.size()), grain = std::max<uint64_t>(range.grainsize(), 1);
-    return size == 0 ? 0 : std::min((size - 1) / grain + 1, most_tasks);
+    return size == 0 ? 0 : std::min((size - 1) / grain + 1, max_tasks);
 }
 
 template <typename T, typename Body>

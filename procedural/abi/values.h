@@ -15,8 +15,7 @@
 
 namespace marram {
 
-inline constexpr double largest_coordinate = 1e18; // m; Embree drops vertices slightly beyond it
-inline constexpr double largest_wind_input = 1e9;  // m or m/s; a limit that keeps products finite
+inline constexpr double max_wind_input = 1e9; // m or m/s; a limit that keeps products finite
 
 // An error in the scene that only the procedural can detect. guarded() catches it and sends it to the host.
 struct SceneFault : std::runtime_error {

@@ -27,7 +27,7 @@ namespace {
 constexpr int max_cells = 128;
 constexpr int codes_per_cell = 8;
 constexpr int near_codes = 2 * codes_per_cell; // below this a radius is enlarged, by at most as much
-constexpr int largest_code = 255;
+constexpr int max_code = 255;
 constexpr int unreached = 1 << 14; // half cells; its square and twice that fit into an int
 
 bool on_primitive(RTCPointQueryFunctionArguments* arguments) {
@@ -59,7 +59,7 @@ struct CellGrid {
     }
     // The radius of an empty ball around a cell's centre, in codes. `least` is known to be empty.
     int bisect_radius(const Vec3d& centre, int least) const {
-        int most = std::min(least + near_codes, largest_code) + 1;
+        int most = std::min(least + near_codes, max_code) + 1;
         while (least + 1 < most) {
             const int middle = (least + most) / 2;
             const bool touches = touches_sphere(scene, centre, middle * cell / codes_per_cell + margin);
@@ -184,7 +184,7 @@ EmptySpace::EmptySpace(RTCScene scene, const Eigen::AlignedBox3d& box, int cells
             for (int x = 0; x < count.x(); ++x) {
                 const size_t i = grid.at(x, y, z);
                 const double known = 0.5 * std::sqrt(double(squares[i])); // cells
-                const int least = std::min(int(codes_per_cell * known), largest_code);
+                const int least = std::min(int(codes_per_cell * known), max_code);
                 const Vec3d centre = grid.low + grid.cell * (Vec3d(x, y, z) + Vec3d::Constant(0.5));
                 grid_.codes[i] = uint8_t(least < near_codes ? grid.bisect_radius(centre, least) : least);
             }

@@ -6,7 +6,7 @@
 // (hardness.h, mean over a voxel), multiply by a time step, and move the surface inward (level_set.h).
 //
 // First level. The time step is chosen so that 99.9 % of the vertices lose at most 0.9 voxels; the rest is
-// clamped to one voxel. Passes run until all years are simulated, at most `most_passes`.
+// clamped to one voxel. Passes run until all years are simulated, at most `max_passes`.
 //
 // Finer levels keep the coarse shape C and add detail that its voxels could not hold. With H the voxel size
 // of C and m = detail H:
@@ -188,7 +188,7 @@ class Eroder {
     bool erode_first_level(ErosionLevel& level, double& years) {
         const double voxel = level.rock.voxel();
         std::vector<double> rate;
-        while (years < settings_.years && level.passes < settings_.most_passes && !level.rock.empty()) {
+        while (years < settings_.years && level.passes < settings_.max_passes && !level.rock.empty()) {
             const LevelMesh& mesh = level.rock.mesh();
             const SurfaceNeighbours neighbours(mesh);
             if (!rates(mesh, voxel, neighbours, rate)) return false;
@@ -289,7 +289,7 @@ std::string erosion_settings_fault(const ErosionSettings& s) {
     if (!(s.voxel > 0.0) || !std::isfinite(s.voxel)) return "voxel: must be above 0";
     if (!(s.years >= 0.0) || !std::isfinite(s.years)) return "years: must be 0 or more";
     if (!(s.detail >= 0.0 && s.detail <= 1.0)) return "detail: must be 0 to 1";
-    if (s.most_passes < 0) return "most_passes: must be 0 or more";
+    if (s.max_passes < 0) return "most_passes: must be 0 or more";
     return "";
 }
 

@@ -23,7 +23,7 @@ struct ErosionSettings {
     double voxel = 0.01;                 // m, of the finest level
     double years = 1000.0;               // duration of the wind
     double detail = 0.75;                // depth of the added detail, 0 to 1 voxels of the level before
-    int most_passes = 200;               // limit for the first level
+    int max_passes = 200;                // limit for the first level
     HardnessSettings hardness;
 };
 
@@ -50,7 +50,7 @@ struct ErosionLevel {
 
 struct ErosionResult {
     std::vector<ErosionLevel> levels; // coarsest first; fewer if cancelled
-    double years = 0.0; // simulated; fewer than settings.years if most_passes ended it or no rock was left
+    double years = 0.0; // simulated; fewer than settings.years if max_passes ended it or no rock was left
     double given = 0.0; // m^3: the rock before any wear, in voxels of the last level; 0 if cancelled
     bool cancelled = false;
 };

@@ -16,7 +16,7 @@ namespace marram {
 namespace {
 
 constexpr uint32_t start_places = 32; // in each direction of the start plane, for the order of grains
-constexpr double most_chords = 0x1p40;
+constexpr double max_chords = 0x1p40;
 constexpr int steps_at_once = 2; // through empty space, in a batch
 
 struct alignas(64) Starts8 {
@@ -80,7 +80,7 @@ MARRAM_HOT void find_starts(const GrainTracer& tracer, Starts8& starts, Grains8&
     g.v.y = rise;
     g.v.z = speed * (cosine * box.along.z() + sine * box.across.z());
     g.normal = {splat(0.0), splat(0.0), splat(0.0)};
-    g.chords_left = splat(double(s.most_segments));
+    g.chords_left = splat(double(s.max_segments));
 }
 
 // The velocities of the grains that leave sand instead of those that land.
@@ -274,7 +274,7 @@ MARRAM_INLINE void find_arcs(const GrainTracer& tracer, Grains8& g, Parabolas8& 
         find_arc_ends_with_drag(tracer, g);
     else
         find_arc_ends(tracer, g);
-    const VDouble more = vmin((g.end - g.first_chord_time) / g.chord_time, most_chords);
+    const VDouble more = vmin((g.end - g.first_chord_time) / g.chord_time, max_chords);
     g.chords = select(g.end > g.first_chord_time, 1.0 - vfloor(-more), 1.0);
     const VLong gives_up = g.chords > g.chords_left;
     if (any(gives_up)) {

@@ -17,7 +17,7 @@ namespace marram {
 namespace {
 
 constexpr double offset_margin = 2.0;
-constexpr double largest_sliver = 1e4; // maximum q
+constexpr double max_sliver = 1e4; // maximum q
 
 struct alignas(64) Hits8 {
     Wide3f origin, direction, geometric_normal; // of the ray and its hit
@@ -55,7 +55,7 @@ MARRAM_INLINE void find_place(Hits8& h) {
     const Wide3d point =
         select(h.wears, p0 + e1 * h.u + e2 * h.v, to_double(h.origin) + way * to_double(h.tfar));
     const VDouble q = l1 * l2 * l3 / (shortest * area); // NaN without area
-    const VDouble sliver = select(has_area, vmin(q, largest_sliver), largest_sliver);
+    const VDouble sliver = select(has_area, vmin(q, max_sliver), max_sliver);
     const VDouble c = max_coordinate(point);
     const VDouble error = select(h.wears, c + longest * sliver, 2.0 * (c + distance) + 4.0 * vsqrt(area));
     h.x = point + h.normal * (error * (offset_margin * grain_step));

@@ -195,8 +195,8 @@ std::string grain_settings_fault(const GrainSettings& s) {
         {"tangent_restitution", s.tangent_restitution, 0.0, 1.0},
         {"scatter", s.scatter, 0.0, 1.0},
         {"settle_speed", s.settle_speed, 0.0, 1e3},
-        {"most_hits", double(s.most_hits), 1.0, 1e6},
-        {"most_segments", double(s.most_segments), 1.0, 1e9},
+        {"most_hits", double(s.max_hits), 1.0, 1e6},
+        {"most_segments", double(s.max_segments), 1.0, 1e9},
         {"ground", s.ground.value_or(0.0), -1e7, 1e7},
         {"reach", s.reach, 0.0, infinity},
     };

@@ -93,8 +93,8 @@
 namespace marram {
 namespace {
 
-constexpr size_t most_rays = 40;                           // in a batch
-constexpr uint64_t least_block = 4096, most_block = 65536; // grains per task
+constexpr size_t max_rays = 40;                         // in a batch
+constexpr uint64_t min_block = 4096, max_block = 65536; // grains per task
 
 int64_t grain_quanta(double energy) { return int64_t(energy / grain_quantum + 0.5); } // energy: 0 or more
 double grain_energy(const Vec3d& v) { return 0.5 * v.squaredNorm(); }
@@ -188,7 +188,7 @@ Next hit_rock(GrainTracer& tracer, GrainCounts& counts, Grain& grain, const Grai
     if (s.drag_time <= 0.0 && !s.ground && s.sand.empty() &&
         left + s.gravity * std::max(hit.x.y() - tracer.box.y0, 0.0) < tracer.threshold)
         return end_grain(counts, grain, hit.rebound, counts.spent);
-    if (grain.hits >= s.most_hits) return end_grain(counts, grain, hit.rebound, counts.given_up);
+    if (grain.hits >= s.max_hits) return end_grain(counts, grain, hit.rebound, counts.given_up);
     return Next::start_arc;
 }
 
@@ -224,9 +224,9 @@ Next handle_hit(GrainTracer& tracer, GrainCounts& counts, Grain& grain, const Gr
 class GrainWavefront {
   public:
     GrainWavefront(GrainTracer& tracer, uint64_t first, uint64_t end, GrainCounts& counts)
-        : tracer_(tracer), counts_(counts), paths_(ordered_paths(tracer, first, end)), grains_(most_grains),
-          rays_(most_rays) {
-        for (uint32_t slot = 0; slot < most_grains; ++slot) put(slot, Next::none);
+        : tracer_(tracer), counts_(counts), paths_(ordered_paths(tracer, first, end)), grains_(max_grains),
+          rays_(max_rays) {
+        for (uint32_t slot = 0; slot < max_grains; ++slot) put(slot, Next::none);
     }
 
     void trace() {
@@ -238,7 +238,7 @@ class GrainWavefront {
 
   private:
     // A batch of rays, less than a batch on each stack, and a batch that starts.
-    static constexpr size_t most_grains = most_rays + lanes + 5 * grains_at_once;
+    static constexpr size_t max_grains = max_rays + lanes + 5 * grains_at_once;
     struct TracedHit {
         uint32_t slot;
         const RTCRayHit* ray;
@@ -335,7 +335,7 @@ class GrainWavefront {
     }
 
     void set_rays() {
-        if (ray_queue_.size() + lanes > most_rays) trace_rays();
+        if (ray_queue_.size() + lanes > max_rays) trace_rays();
         const GrainBatch batch = take(Next::trace_ray, lanes);
         const std::span<RTCRayHit> rays = std::span(rays_).subspan(ray_queue_.size(), batch.size());
         const uint32_t fails = marram::set_rays(tracer_, batch, rays);
@@ -394,7 +394,7 @@ class GrainWavefront {
     std::vector<RTCRayHit> rays_;
     std::vector<TracedHit> hits_;
     std::vector<uint32_t> ray_queue_;
-    std::array<std::array<uint32_t, most_grains>, next_count>
+    std::array<std::array<uint32_t, max_grains>, next_count>
         stacks_{}; // of slots of grains; Next::none: free ones
     std::array<size_t, next_count> waiting_{};
     Grains16 states_{};
@@ -426,10 +426,6 @@ double wearing_energy(const GrainSettings& s, double energy, double sine) {
     return std::max(energy * share - 0.5 * s.threshold_speed * s.threshold_speed, 0.0);
 }
 
-double stream_speed(const GrainSettings& s, double h) {
-    return s.bed_speed + (s.speed - s.bed_speed) * (1.0 - std::exp(-h / s.speed_height));
-}
-
 GrainReport trace_grains(RTCScene scene, std::span<const WornMesh> meshes, const GrainSettings& settings,
                          std::span<double> wear, std::span<double> triangle_wear, const GrainHooks& hooks) {
     if (const std::string fault = grain_settings_fault(settings); !fault.empty())
@@ -451,7 +447,7 @@ GrainReport trace_grains(RTCScene scene, std::span<const WornMesh> meshes, const
     GrainReport report;
     if (!scene || !find_grain_box(tracer)) return report;
     find_empty_space(tracer);
-    const uint64_t block = std::clamp(std::bit_ceil(settings.paths / 64), least_block, most_block);
+    const uint64_t block = std::clamp(std::bit_ceil(settings.paths / 64), min_block, max_block);
     const uint64_t blocks = (settings.paths + block - 1) / block;
     std::vector<GrainCounts> counts(blocks);
     const auto stopped = [&] { return hooks.cancelled && hooks.cancelled(); };

@@ -53,10 +53,10 @@ struct GrainSettings {
     double threshold_speed = 1.0;   // m/s, at normal incidence: slower grains cause no wear
     double angle_exponent = 2.0;    // n in E sin^n(angle); 2: energy normal to the surface, 0: total energy
     double normal_restitution = 0.6, tangent_restitution = 0.85; // speed after / before, 0 to 1
-    double scatter = 0.3;          // 0 to 1: deviation of rebounds from specular reflection
-    double settle_speed = 0.5;     // m/s: slower grains come to rest
-    uint32_t most_hits = 32;       // hits except on sand, 1 or more; then the grain is terminated
-    uint32_t most_segments = 1 << 16; // chords of its path, traced or not; then the grain is terminated
+    double scatter = 0.3;            // 0 to 1: deviation of rebounds from specular reflection
+    double settle_speed = 0.5;       // m/s: slower grains come to rest
+    uint32_t max_hits = 32;          // hits except on sand, 1 or more; then the grain is terminated
+    uint32_t max_segments = 1 << 16; // chords of its path, traced or not; then the grain is terminated
 
     // Sand: a grain that lands there is replaced by a new grain of the stream.
     std::optional<double> ground;        // level sand everywhere at this height y
@@ -82,7 +82,7 @@ struct GrainReport {
     std::array<uint64_t, 6> left{}; // left the box, by GrainSide
     uint64_t settled = 0;           // rebounded slower than settle_speed
     uint64_t spent = 0;             // cannot reach the threshold again, even by falling
-    uint64_t given_up = 0;          // reached most_hits or most_segments, or is too far from the origin
+    uint64_t given_up = 0;          // reached max_hits or max_segments, or is too far from the origin
     // Hits: on worn meshes, on other meshes, on sand. grazes: the path leaves the surface at the hit, which
     // has no effect.
     uint64_t worn_hits = 0, other_hits = 0, sand_hits = 0, grazes = 0;
@@ -116,8 +116,5 @@ GrainReport trace_grains(RTCScene scene, std::span<const WornMesh> meshes, const
 // Wear by one kilogram of sand, times energy_per_volume: max(energy sine^n - threshold, 0), J/kg. `energy` is
 // the specific energy (J/kg), `sine` that of the angle between path and surface.
 double wearing_energy(const GrainSettings& settings, double energy, double sine);
-
-// Speed of the stream, and of the air in the drag, at height h above the ground, m/s.
-double stream_speed(const GrainSettings& settings, double h);
 
 } // namespace marram

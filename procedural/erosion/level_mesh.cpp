@@ -14,7 +14,7 @@
 namespace marram {
 namespace {
 
-constexpr double most_voxels = 0x1p27;      // in the band: 16 GB including temporary data during wear
+constexpr double max_voxels = 0x1p27;       // in the band: 16 GB including temporary data during wear
 constexpr double most_voxels_away = 0x1p17; // distance from the origin, where floats resolve 0.8 % of a voxel
 
 Vec3d corner(std::span<const float> positions, std::span<const uint32_t> triangles, size_t n) {
@@ -92,7 +92,7 @@ std::vector<uint32_t> checked_triangles(std::span<const float> positions, std::s
         throw LevelSetError("the rock is more than 2^17 voxels from the origin: take larger voxels");
     if ((upper - lower).minCoeff() < voxel)
         throw LevelSetError("the voxels are larger than the rock: take smaller ones");
-    if (area / (voxel * voxel) * 2.0 * level_set_band > most_voxels)
+    if (area / (voxel * voxel) * 2.0 * level_set_band > max_voxels)
         throw LevelSetError("the rock takes more than 2^27 voxels: take larger ones");
     return kept;
 }

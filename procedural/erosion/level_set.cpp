@@ -73,7 +73,7 @@ using Leaves = openvdb::tree::LeafManager<FloatTree>;
 
 constexpr int leaf_side = 8, leaf_size = leaf_side * leaf_side * leaf_side;
 constexpr float band = float(level_set_band);
-constexpr float least_inside_cell = 0.02F;
+constexpr float min_inside_cell = 0.02F;
 constexpr int relaxing_steps = 3;
 constexpr float relaxing_step = 0.5F; // in h
 
@@ -227,7 +227,7 @@ CellVertex cell_vertex(const std::array<float, 8>& corner, const std::array<Floa
         for (int c = 0; c < 8; ++c)
             if (!(c & bit)) cross(c, c | bit);
     Float3 p = sum * (1.0F / count);
-    const auto inside = [](float s) { return std::clamp(s, least_inside_cell, 1.0F - least_inside_cell); };
+    const auto inside = [](float s) { return std::clamp(s, min_inside_cell, 1.0F - min_inside_cell); };
     for (int step = 0; step < 2; ++step) {
         const Float3 g = trilinear(slope, p);
         const float square = g.dot(g);
@@ -687,7 +687,6 @@ LevelSet LevelSet::from_mesh(std::span<const float> positions, std::span<const u
 
 double LevelSet::voxel() const { return data_->voxel; }
 bool LevelSet::empty() const { return data_->phi->activeVoxelCount() == 0; }
-size_t LevelSet::active_voxels() const { return data_->phi->activeVoxelCount(); }
 size_t LevelSet::bytes() const {
     return data_->phi->memUsage() + (data_->cells ? data_->cells->memUsage() : 0);
 }

@@ -25,7 +25,6 @@ class LevelSet {
 
     double voxel() const;         // metres
     bool empty() const;           // no rock is left
-    size_t active_voxels() const; // in the narrow band
     size_t bytes() const;
 
     // The surface. Cached until the rock changes.

@@ -96,7 +96,7 @@ void copy_mesh(RockInstance& instance, const MarramMesh& mesh) {
 }
 
 // Of the rock's volume: smaller pieces are not reported.
-constexpr double least_piece = 1e-3;
+constexpr double min_piece = 1e-3;
 
 // How far the volume of the first level, before wear, may be from that of the rock, relative to it.
 constexpr double most_coarse = 0.1;
@@ -169,7 +169,7 @@ LevelSet erode_rock(RockInstance& instance, const Values& values, const RockSurr
     instance.erosion = {};
     for (const ErosionLevel& level : result.levels) {
         instance.erosion.passes += level.passes;
-        if (level.start - level.removed - level.left > least_piece * result.given)
+        if (level.start - level.removed - level.left > min_piece * result.given)
             instance.erosion.pieces += level.pieces;
     }
     instance.erosion.removed = result.given - result.levels.back().left;

@@ -14,8 +14,8 @@
 namespace marram {
 namespace {
 
-constexpr double inner = 1e-6; // barycentric: nearer to an edge, a pixel may also be in the neighbour
-constexpr double least_reported = 0.01; // of the surface, or of the map
+constexpr double inner = 1e-6;        // barycentric: nearer to an edge, a pixel may also be in the neighbour
+constexpr double min_reported = 0.01; // of the surface, or of the map
 
 struct UvMap {
     std::vector<float> pixels;
@@ -100,14 +100,14 @@ double share_off_map(const RockInstance& instance) {
 
 void send_map_warnings(const RockInstance& instance, const Values& values, const UvMap& map) {
     const std::string& place = values.at("map").place;
-    if (const double off = share_off_map(instance); off > least_reported)
+    if (const double off = share_off_map(instance); off > min_reported)
         send(instance.host, MARRAM_WARNING, "rock.off_map", place,
              fmt::format(
                  "{:.0f} % of the surface is not on the map: its uvs are outside 0 to 1, or cover no area",
                  100.0 * off),
              "give the mesh uvs within 0 to 1");
     if (const double shared = double(map.shared) / double(std::max<size_t>(map.known, 1));
-        shared > least_reported)
+        shared > min_reported)
         send(instance.host, MARRAM_WARNING, "rock.uvs_overlap", place,
              fmt::format("{:.0f} % of the map lies in several triangles: the greatest value is kept",
                          100.0 * shared),

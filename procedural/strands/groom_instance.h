@@ -119,7 +119,7 @@ struct GroomInstance : StrandInstance {
     void lay_out() override;
     double longest() const override { return max_instance_scale(mesh_instances) * longest_strand(groom); }
     void choose_cvs() override;
-    int fewest_cvs() const override { return groom.cvs; }
+    int min_cvs() const override { return groom.cvs; }
     JigglePilot pilot(double tolerance) const override;
     bool moves() const override { return mesh->time_count > 1 || instances_move(); }
     LongWork work() const override;

@@ -47,9 +47,8 @@ constexpr std::array groom_values = {
     param::integer("count", "", "none", 1, 400000000,
                    "total number of strands, after masks; this or density"),
     param::image("density_mask", "none", "uv", "scale of the density, by uv"),
-    param::ramp("density_by_height", "m", "none", -largest_coordinate, largest_coordinate,
-                "scale of the density over y"),
-    param::ramp("density_by_slope", "deg", "none", -largest_coordinate, largest_coordinate,
+    param::ramp("density_by_height", "m", "none", -embree_limit, embree_limit, "scale of the density over y"),
+    param::ramp("density_by_slope", "deg", "none", -embree_limit, embree_limit,
                 "scale of the density over slope (0: level)"),
     param::choice("image_wrap", "auto", "auto|clamp|repeat",
                   "beyond the border of an image: its last pixels, or the image again; auto: repeat if the "
@@ -61,14 +60,13 @@ constexpr std::array groom_values = {
         "left out, if neither mesh moves and the inside is that of its faces: a room with flip = true covers "
         "none; all stay if the mesh that they grow on has instances; none: they stay"),
     param::number("spacing", "", "1", 0, 1, "0: random roots; 1: as even as a Poisson disc set"),
-    param::range("length", "m", "none", 0, largest_coordinate,
+    param::range("length", "m", "none", 0, embree_limit,
                  "shortest and longest strand; required unless the strands have guides (then guides.length)"),
     param::image("length_mask", "none", "uv", "scale of the length, by uv"),
-    param::ramp("length_by_height", "m", "none", -largest_coordinate, largest_coordinate,
-                "scale of the length over y"),
-    param::ramp("length_by_slope", "deg", "none", -largest_coordinate, largest_coordinate,
+    param::ramp("length_by_height", "m", "none", -embree_limit, embree_limit, "scale of the length over y"),
+    param::ramp("length_by_slope", "deg", "none", -embree_limit, embree_limit,
                 "scale of the length over slope"),
-    param::vec3("comb", "", "none", -largest_coordinate, largest_coordinate,
+    param::vec3("comb", "", "none", -embree_limit, embree_limit,
                 "direction that strands lean to; absent: each strand has its own"),
     param::image(
         "comb_map", "none", "uv",
@@ -78,21 +76,21 @@ constexpr std::array groom_values = {
     param::number("lean_variation", "deg", "5", 0, 90, "largest deviation from lean"),
     param::number("arc", "deg", "20", -720, 720, "additional lean at the tip"),
     param::number("arc_variation", "deg", "10", 0, 360, "largest deviation from arc"),
-    param::number("curl.radius", "m", "0", 0, largest_coordinate, "radius of the helix at the tip"),
+    param::number("curl.radius", "m", "0", 0, embree_limit, "radius of the helix at the tip"),
     param::number("curl.turns", "", "3", 0, 1000, "turns of the helix over the strand"),
-    param::number("clump.size", "m", "0", 0, largest_coordinate, "mean distance between clumps; 0: none"),
+    param::number("clump.size", "m", "0", 0, embree_limit, "mean distance between clumps; 0: none"),
     param::number("clump.amount", "", "0.5", 0, 1, "1: all tips of a clump meet"),
-    param::ramp("clump.profile", "", "[[0, 0], [1, 1]]", -largest_coordinate, largest_coordinate,
+    param::ramp("clump.profile", "", "[[0, 0], [1, 1]]", -embree_limit, embree_limit,
                 "pull to the clump from root to tip"),
-    param::number("clump.finer[].size", "m", "", 0, largest_coordinate,
+    param::number("clump.finer[].size", "m", "", 0, embree_limit,
                   "finer clumps inside the previous level: mean distance; smaller than the previous level's"),
     param::number("clump.finer[].amount", "", "0.5", 0, 1, "1: all tips of such a clump meet"),
-    param::ramp("clump.finer[].profile", "", "[[0, 0], [1, 1]]", -largest_coordinate, largest_coordinate,
+    param::ramp("clump.finer[].profile", "", "[[0, 0], [1, 1]]", -embree_limit, embree_limit,
                 "pull to it from root to tip"),
-    param::number("frizz.amplitude", "m", "0", 0, largest_coordinate, "sideways displacement at the tip"),
+    param::number("frizz.amplitude", "m", "0", 0, embree_limit, "sideways displacement at the tip"),
     param::number("frizz.frequency", "", "4", 0, 1e4, "waves over the strand"),
-    param::number("width", "m", "", 0, largest_coordinate, "diameter; of a ribbon its width"),
-    param::ramp("width_profile", "", "[[0, 1], [1, 0.1]]", -largest_coordinate, largest_coordinate,
+    param::number("width", "m", "", 0, embree_limit, "diameter; of a ribbon its width"),
+    param::ramp("width_profile", "", "[[0, 1], [1, 0.1]]", -embree_limit, embree_limit,
                 "scale of the width from root to tip"),
     param::number("width_variation", "", "0.1", 0, 1, "largest random reduction of the width, as a fraction"),
     param::integer(
@@ -104,7 +102,7 @@ constexpr std::array groom_values = {
                   "B-spline is smoother; Catmull-Rom passes through its CVs"),
     param::choice("shape", "round", "round|ribbon|oriented-ribbon",
                   "tube; flat, facing the camera; or flat, with an orientation of its own"),
-    param::ramp("envelope", "", "[[0, 1]]", -largest_coordinate, largest_coordinate,
+    param::ramp("envelope", "", "[[0, 1]]", -embree_limit, embree_limit,
                 "share of the wind from root to tip"),
     param::integer("seed", "", "0", 0, 2147483647, "seed of the groom"),
 };
@@ -145,8 +143,8 @@ const std::vector<MarramParam>& factor_params() {
         for (const auto& t : texts) {
             list.push_back(param::text(t[0].c_str(), "none", t[3].c_str()));
             list.push_back(param::image(t[1].c_str(), "none", "uv", t[4].c_str()));
-            list.push_back(param::ramp(t[2].c_str(), "", "[[0, 0], [1, 1]]", -largest_coordinate,
-                                       largest_coordinate, t[5].c_str()));
+            list.push_back(
+                param::ramp(t[2].c_str(), "", "[[0, 0], [1, 1]]", -embree_limit, embree_limit, t[5].c_str()));
         }
         return list;
     }();
@@ -216,9 +214,9 @@ std::vector<Clump> read_clumps(const Values& values) {
             throw SceneFault("groom.clump_sizes", values.at(prefix + "size").place,
                              prefix + "size is not between 0 and the size of the clumps before",
                              "order clumps from coarse to fine");
-        if (clumps.size() == most_clumps)
+        if (clumps.size() == max_clumps)
             throw SceneFault("groom.clump_levels", values.at(prefix + "size").place,
-                             "clumps have more than " + std::to_string(most_clumps) + " levels",
+                             "clumps have more than " + std::to_string(max_clumps) + " levels",
                              "leave some out");
         clumps.push_back({size, values.number(prefix + "amount"),
                           unit_ramp(values, prefix + "profile", groom_ramp_fault)});

@@ -93,7 +93,7 @@ struct Clump {
     double size = 0.0, amount = 0.0; // mean distance between clumps, m; 0 to 1
     Ramp profile;                    // of the amount, from root to tip
 };
-constexpr size_t most_clumps = 4;
+constexpr size_t max_clumps = 4;
 
 struct Groom {
     std::string mesh, mesh_place;
@@ -114,7 +114,7 @@ struct Groom {
     double lean = 0.0, lean_variation = 0.0; // radians from the surface normal
     double arc = 0.0, arc_variation = 0.0;   // radians; additional lean from root to tip
     double curl_radius = 0.0, curl_turns = 0.0;
-    std::vector<Clump> clumps; // at most most_clumps
+    std::vector<Clump> clumps; // at most max_clumps
     double frizz_amplitude = 0.0, frizz_frequency = 0.0;
 
     double width = 0.0, width_variation = 0.0; // m; fraction

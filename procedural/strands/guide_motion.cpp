@@ -136,7 +136,7 @@ void follow_guides(const GroomInstance& instance, const GroomPatch& patch, uint3
         const auto lane = int(i % lanes);
         for (size_t k = 0; k < cvs; ++k) {
             float envelope = 0.0F, gust = 0.0F, shield = 0.0F;
-            for (int b = 0; b < most_blended; ++b) {
+            for (int b = 0; b < max_blended; ++b) {
                 if (!(blend.weight[b] > 0.0F)) continue;
                 const size_t at = blend.guide[b] * cvs + k;
                 envelope += blend.weight[b] * blown.envelope[at];

@@ -16,8 +16,7 @@ namespace {
 constexpr std::array guide_values = {
     param::curves("guides.curves", "none",
                   "curves that strands grow between, with their shape and length; absent: none"),
-    param::integer("guides.blend", "", "3", 1, most_blended,
-                   "how many of the nearest guides a strand blends"),
+    param::integer("guides.blend", "", "3", 1, max_blended, "how many of the nearest guides a strand blends"),
     param::number(
         "guides.parting", "deg", "60", 0, 180,
         "guides whose direction differs from the nearest guide's by more than this are not blended; "
@@ -27,7 +26,7 @@ constexpr std::array guide_values = {
     param::range("guides.length", "", "[1, 1]", 0, 1e6,
                  "shortest and longest strand, in lengths of its guides"),
     param::number(
-        "guides.reach", "m", "none", 0, largest_coordinate,
+        "guides.reach", "m", "none", 0, embree_limit,
         "no strands grow farther than this from a guide: their density fades out until 1.5 times this "
         "distance; default: 1.5 times the spacing of the guides"),
     param::choice("guides.wind", "strands", "strands|guides",
@@ -124,8 +123,8 @@ GuideSet::GuideSet(const GuideSettings& settings, const LentCurves& curves, cons
 double GuideSet::default_reach() const {
     const size_t wanted = std::min(size_t(settings_.blend) + 1, guides_.size()); // a guide finds itself, too
     if (wanted < 2) return infinity;
-    std::array<uint32_t, most_blended + 1> found{};
-    std::array<double, most_blended + 1> squared{};
+    std::array<uint32_t, max_blended + 1> found{};
+    std::array<double, max_blended + 1> squared{};
     std::vector<double> spacings;
     for (const Guide& guide : guides_) {
         const size_t count = tree_->index.knnSearch(guide.root.data(), wanted, found.data(), squared.data());
@@ -172,22 +171,22 @@ bool GuideSet::crosses_parting_line(const Vec3d& root, const Vec3d& normal, cons
 }
 
 GuideBlend GuideSet::blend_at(const Vec3d& root, const Vec3d& normal) const {
-    constexpr size_t most_neighbors = 32;
-    std::array<uint32_t, most_neighbors> found{};
-    std::array<double, most_neighbors> squared{};
+    constexpr size_t max_neighbors = 32;
+    std::array<uint32_t, max_neighbors> found{};
+    std::array<double, max_neighbors> squared{};
     const double min_cosine = std::cos(settings_.parting);
     const auto wanted = size_t(settings_.blend);
     struct Chosen {
         uint32_t guide;
         double distance;
-    } chosen[most_blended + 1];
+    } chosen[max_blended + 1];
     size_t count = 0, nearest = 0;
     // Query a few neighbours first, and more if most of them are excluded.
     for (size_t ask = 2 * wanted + 2; count <= wanted; ask *= 2) {
-        ask = std::min(ask, std::min(most_neighbors, guides_.size()));
+        ask = std::min(ask, std::min(max_neighbors, guides_.size()));
         const size_t found_count = tree_->index.knnSearch(root.data(), ask, found.data(), squared.data());
         // Order equally distant guides as in the file, independent of the tree.
-        std::array<std::pair<double, uint32_t>, most_neighbors> order;
+        std::array<std::pair<double, uint32_t>, max_neighbors> order;
         for (size_t i = 0; i < found_count; ++i) order[i] = {squared[i], found[i]};
         std::sort(order.begin(), order.begin() + long(found_count));
         count = 0;
@@ -202,7 +201,7 @@ GuideBlend GuideSet::blend_at(const Vec3d& root, const Vec3d& normal) const {
                 continue;
             chosen[count++] = {order[i].second, std::sqrt(order[i].first)};
         }
-        if (ask == std::min(most_neighbors, guides_.size())) {
+        if (ask == std::min(max_neighbors, guides_.size())) {
             if (count == 0)
                 chosen[count++] = {order[0].second,
                                    std::sqrt(order[0].first)}; // all are excluded: take the nearest
@@ -213,7 +212,7 @@ GuideBlend GuideSet::blend_at(const Vec3d& root, const Vec3d& normal) const {
     const size_t blended = std::min(count, wanted);
     // R. Without a further guide: twice the distance of the last blended one.
     const double reach = count > wanted ? chosen[wanted].distance : 2.0 * chosen[blended - 1].distance;
-    double sum = 0.0, weights[most_blended] = {};
+    double sum = 0.0, weights[max_blended] = {};
     for (size_t i = 0; i < blended; ++i) {
         const double d = chosen[i].distance;
         // A root at a guide, up to rounding, takes that guide alone.
@@ -238,7 +237,7 @@ GuideBlend GuideSet::blend_at(const Vec3d& root, const Vec3d& normal) const {
 
 double GuideSet::length_of(const GuideBlend& blend) const {
     double length = 0.0;
-    for (int i = 0; i < most_blended; ++i)
+    for (int i = 0; i < max_blended; ++i)
         if (blend.weight[i] > 0.0F) length += double(blend.weight[i]) * guides_[blend.guide[i]].length;
     return length;
 }

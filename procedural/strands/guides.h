@@ -38,7 +38,7 @@
 
 namespace marram {
 
-inline constexpr int most_blended = 4;
+inline constexpr int max_blended = 4;
 
 struct GuideSettings {
     std::string curves, place;
@@ -55,8 +55,8 @@ std::optional<GuideSettings> parse_guide_settings(const Values& values);
 
 // The guides of a child and their weights. Weights sum to 1; unused slots have weight 0.
 struct GuideBlend {
-    uint32_t guide[most_blended];
-    float weight[most_blended];
+    uint32_t guide[max_blended];
+    float weight[max_blended];
 };
 
 // The rotation from unit vector a to b along the shortest arc; about an arbitrary axis if they are opposite.

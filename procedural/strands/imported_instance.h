@@ -103,7 +103,7 @@ struct ImportInstance : StrandInstance {
     void lay_out() override;
     Eigen::AlignedBox3d bounds_without_meshes() const override { return bind_box; }
     double longest() const override { return longest_now; }
-    int fewest_cvs() const override { return int(least_cvs); }
+    int min_cvs() const override { return int(least_cvs); }
     JigglePilot pilot(double tolerance) const override;
     bool curves_move() const override { return curves.curves.moves != 0; }
     double travel_of_curves() const override;

@@ -66,7 +66,7 @@ LentCurves find_curves(const MarramFrame& frame, std::string_view name, const st
             marram::parallel_for(tbb::blocked_range<size_t>(0, floats, 1 << 16), [&](const auto& range) {
                 bool good = true;
                 for (size_t k = range.begin(); k < range.end(); ++k)
-                    good &= std::abs(v[k]) < float(largest_coordinate);
+                    good &= std::abs(v[k]) < float(embree_limit);
                 if (!good) usable = false;
             });
             if (!usable)

@@ -232,7 +232,7 @@ double shelter_error(const PilotGroom& pilot, const RootSample& some, double fra
 } // namespace
 
 Choice cvs_for(const PilotGroom& pilot) {
-    constexpr int most_segments = 999;
+    constexpr int max_segments = 999;
     constexpr double moments[] = {0.0, 97.0, 1009.0}; // frames after bind_frame: other places in the noise
     const int least = segments_of_shape(pilot.groom);
     const double tolerance = tolerance_of(pilot);
@@ -257,12 +257,12 @@ Choice cvs_for(const PilotGroom& pilot) {
     if (pilot.wind.jiggle) measure_jiggle(pilot, moments, least, distances);
     const double sheltered = shelter_error(pilot, some, pilot.frame.bind_frame + moments[0]);
     const SegmentErrors errors(distances, least);
-    for (int segments = least; segments <= most_segments; ++segments) {
+    for (int segments = least; segments <= max_segments; ++segments) {
         if (safety_factor * (errors.at(segments) + sheltered / (segments + 1)) <= tolerance &&
             pilot.instance_scale * width_error(pilot.groom, segments) <= tolerance)
             return {double(segments + 1), true};
     }
-    return {double(most_segments + 1), false};
+    return {double(max_segments + 1), false};
 }
 
 JigglePilot jiggle_pilot(const PilotGroom& pilot) {

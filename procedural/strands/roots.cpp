@@ -53,8 +53,8 @@ double attempts_per_disc(double coverage) {
 // A cell's key holds its indices z, y and x, from the most to the least significant bits.
 constexpr int x_bits = 23, row_bits = 20;
 constexpr double x_unit = 0.5, row_unit = 2.0; // size of a cell along x, and along y and z, in units of r
-constexpr double most_rows = double((1U << row_bits) - 4); // along y and z; x has the bits for as much
-constexpr int in_cell_steps = 1023;                        // positions within a cell have 10 bits per axis
+constexpr double max_rows = double((1U << row_bits) - 4); // along y and z; x has the bits for as much
+constexpr int in_cell_steps = 1023;                       // positions within a cell have 10 bits per axis
 
 struct [[gnu::packed]] Candidate { // packed, because there are millions for a moment
     uint64_t cell;
@@ -257,7 +257,7 @@ DiscGrid grid_of(const Surface& bind, double radius) {
             upper = upper.cwiseMax(p);
         }
     const double extent = (upper - lower).maxCoeff();
-    return {lower, std::max({radius, extent / (row_unit * most_rows), std::numeric_limits<double>::min()})};
+    return {lower, std::max({radius, extent / (row_unit * max_rows), std::numeric_limits<double>::min()})};
 }
 
 // Candidates of all triangles, sorted. Candidates with mask value 0 are skipped: blocks are counted first and

@@ -62,7 +62,7 @@ void StrandInstance::choose_settings() {
         choose_cvs();
         if (automatic.rays) {
             bool enough = true;
-            const bool many_reference_segments = wind.reference_segments > 2 * fewest_cvs();
+            const bool many_reference_segments = wind.reference_segments > 2 * min_cvs();
             wind.shielding->rays = cone_rays(*wind.shielding, length, max_turn_fraction(wind),
                                              many_reference_segments, tolerance, enough);
             if (!enough) inexact.push_back(fmt::format("wind.shielding.rays = {}", wind.shielding->rays));

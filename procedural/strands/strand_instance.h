@@ -74,7 +74,7 @@ struct StrandInstance : Instance {
     virtual Eigen::AlignedBox3d bounds_without_meshes() const { return {}; } // of strands, if no mesh is lent
     virtual double longest() const = 0; // upper bound of strands on any instance, m
     virtual void choose_cvs() {} // by the frame's tolerance, if automatic.cvs; and what depends on the count
-    virtual int fewest_cvs() const = 0; // of a strand
+    virtual int min_cvs() const = 0; // of a strand
     // Strands that are evaluated to choose the step of jiggle.
     virtual JigglePilot pilot(double tolerance) const = 0;
     virtual bool moves() const = 0;                         // rest strands, within the shutter

@@ -65,7 +65,7 @@ struct alignas(64) Roots8 {
     VDouble length, lean, arc, phase, frizz;
     VDouble curl_share, frizz_share; // factors of the groom's radius and amplitude
     // Offset in m to the centre of each level's clump from that of the next finer one, in the root's frame.
-    VDouble clump_along[most_clumps], clump_side[most_clumps];
+    VDouble clump_along[max_clumps], clump_side[max_clumps];
 };
 
 // Angle from the frame's tangent to the direction in which the strand leans.
@@ -95,8 +95,8 @@ void set_centre(const Guided& guided, const GuideBlend& blend, std::span<const V
                 const Vec3d& weights, int cvs, int lane, Wide3f* centre) {
     const SurfaceFrame frame = frame_at(guided.skin, root.triangle, weights);
     const Eigen::Matrix3d axes = axes_of(frame);
-    Eigen::Matrix3d weighted_rotations[most_blended];
-    for (int i = 0; i < most_blended; ++i)
+    Eigen::Matrix3d weighted_rotations[max_blended];
+    for (int i = 0; i < max_blended; ++i)
         if (blend.weight[i] > 0.0F)
             weighted_rotations[i] =
                 double(blend.weight[i]) *
@@ -106,7 +106,7 @@ void set_centre(const Guided& guided, const GuideBlend& blend, std::span<const V
                                                       frame.normal));
     for (int k = 0; k < cvs; ++k) {
         Vec3d sum = Vec3d::Zero();
-        for (int i = 0; i < most_blended; ++i)
+        for (int i = 0; i < max_blended; ++i)
             if (blend.weight[i] > 0.0F)
                 sum +=
                     weighted_rotations[i] * guides[blend.guide[i] * size_t(cvs) + size_t(k)].cast<double>();
@@ -189,7 +189,7 @@ void frizz_values(const Groom& groom, const Roots8& roots, Strands& strands) {
 
 struct ShapeStep { // shared by all strands at CV k
     double u, u_middle, frizz;
-    std::array<double, most_clumps> clump;
+    std::array<double, max_clumps> clump;
 };
 
 // v scaled to `length`; `instead` if v is 0.

@@ -38,8 +38,8 @@ namespace marram {
 
 namespace {
 
-constexpr double most_metres = 1e5;
-constexpr double least_extent = 1e-3, most_extent = 1e7; // metres, of an image
+constexpr double max_metres = 1e5;
+constexpr double min_extent = 1e-3, max_extent = 1e7; // metres, of an image
 
 template <size_t own>
 std::array<MarramParam, own + 4> with_shape(std::array<MarramParam, own> params, const char* target) {
@@ -85,9 +85,9 @@ class NoiseLayer : public ShapeLayer {
 
   private:
     void shape(int i0, int i1, int j, double* own, double* share) const override {
-        constexpr int most_blocks = Tiles::side / lanes;
-        std::array<Wide3d, most_blocks> points{};
-        std::array<Wide3f, most_blocks> values{};
+        constexpr int max_blocks = Tiles::side / lanes;
+        std::array<Wide3d, max_blocks> points{};
+        std::array<Wide3f, max_blocks> values{};
         const int blocks = (i1 - i0 + lanes - 1) / lanes;
         for (int b = 0; b < blocks; ++b)
             for (int k = 0; k < lanes; ++k) {
@@ -131,7 +131,7 @@ class ImageLayer : public ShapeLayer {
             pixels_[p] =
                 float(range.x() + double(grid.values[p * grid.components]) * (range.y() - range.x()));
         for (size_t p = 0; p < pixels_.size(); ++p)
-            if (std::isfinite(pixels_[p]) && !(std::abs(double(pixels_[p])) <= most_metres))
+            if (std::isfinite(pixels_[p]) && !(std::abs(double(pixels_[p])) <= max_metres))
                 throw SceneFault(
                     "terrain.image_range", values.place("file"),
                     fmt::format("pixel ({}, {}) of the image is a height of {:.3g} m, beyond 100 km",
@@ -143,8 +143,8 @@ class ImageLayer : public ShapeLayer {
         size_ = choose("size", said.has_extent, said.extent, domain_size);
         const Vec2d center =
             choose("center", said.has_center, said.center, Vec2d(domain_.x0, domain_.z0) + 0.5 * domain_size);
-        if (!(size_.allFinite() && center.allFinite() && size_.minCoeff() >= least_extent &&
-              size_.maxCoeff() <= most_extent && center.cwiseAbs().maxCoeff() <= most_extent))
+        if (!(size_.allFinite() && center.allFinite() && size_.minCoeff() >= min_extent &&
+              size_.maxCoeff() <= max_extent && center.cwiseAbs().maxCoeff() <= max_extent))
             throw SceneFault("terrain.image_placement", file.place,
                              "the file's size or center is out of range", "give size and center");
         begin_ = center - 0.5 * size_;
@@ -220,16 +220,16 @@ std::unique_ptr<TerrainLayer> make_base(const LayerContext& context) {
 
 LayerType flat_layer_type() {
     static const auto params = with_shape<1>(
-        {param::number("height", "m", "1", -most_metres, most_metres, "height, or thickness of sand")},
+        {param::number("height", "m", "1", -max_metres, max_metres, "height, or thickness of sand")},
         "\"bedrock\"");
     return {"flat", "the same height everywhere", params, make_base<FlatLayer>};
 }
 
 LayerType noise_layer_type() {
     static const auto params = with_shape<7>(
-        {param::number("amplitude", "m", "2", 0, most_metres,
+        {param::number("amplitude", "m", "2", 0, max_metres,
                        "three standard deviations of the height about the mean"),
-         param::number("offset", "m", "0", -most_metres, most_metres, "the mean"),
+         param::number("offset", "m", "0", -max_metres, max_metres, "the mean"),
          param::number("wavelength", "m", "60", 1e-3, 1e6, "of the coarsest octave"),
          param::integer("octaves", "", "5", 1, 16, "each half as long as the one before"),
          param::number("gain", "", "0.45", 0, 1, "amplitude ratio of an octave to the one before"),
@@ -244,11 +244,11 @@ LayerType image_layer_type() {
         {param::image(
              "file", "", "",
              "EXR, TIFF or PNG; its first channel. Holes (a TIFF's nodata value) are filled from around"),
-         param::vec2("size", "m", "none", least_extent, most_extent,
+         param::vec2("size", "m", "none", min_extent, max_extent,
                      "extent in x and z; absent: the file's, else the terrain's"),
-         param::vec2("center", "m", "none", -most_extent, most_extent,
+         param::vec2("center", "m", "none", -max_extent, max_extent,
                      "x and z; absent: the file's, else the terrain's"),
-         param::vec2("range", "m", "none", -most_metres, most_metres,
+         param::vec2("range", "m", "none", -max_metres, max_metres,
                      "heights of the values 0 and 1; absent: the file's, else [0, 1]"),
          param::number("fade", "m", "0", 0, 1e6, "width of the fade at the image border")},
         "\"bedrock\"");

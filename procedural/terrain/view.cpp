@@ -13,7 +13,7 @@ namespace marram {
 namespace {
 
 // The smallest angle that a pixel of a pinhole camera subtends: that of the corner pixel.
-double smallest_pixel(const MarramView& view) {
+double min_pixel(const MarramView& view) {
     const double up = std::tan(0.5 * view.fov), pixel = 2.0 * up / view.height;
     const double across = up * view.width / view.height;
     return pixel / (1.0 + up * up + across * across);
@@ -29,7 +29,7 @@ MeshTolerance tolerance_of(const MarramView& view) {
     if (view.tolerance > 0.0) return tolerance;
     constexpr double half = 0.5; // a pixel
     tolerance.pixels = view.tolerance_pixels > 0.0 ? view.tolerance_pixels : half;
-    tolerance.pixel_angle = smallest_pixel(view);
+    tolerance.pixel_angle = min_pixel(view);
     for (uint32_t t = 0; t < view.time_count; ++t) tolerance.cameras.emplace_back(view.positions + 3 * t);
     return tolerance;
 }
@@ -40,7 +40,7 @@ DisplacedRegion displaced_region(const RipplesLayer& ripples, const MarramView& 
     DisplacedRegion region;
     const double up = std::tan(0.5 * view.fov), across = up * view.width / view.height;
     region.corner = std::atan(std::sqrt(up * up + across * across));
-    region.pixel_angle = smallest_pixel(view);
+    region.pixel_angle = min_pixel(view);
     if (settings.displaced > 0.0)
         region.reach = settings.ripples.height / (settings.displaced * region.pixel_angle);
     constexpr double sides_per_wavelength =

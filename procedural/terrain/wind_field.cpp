@@ -30,7 +30,7 @@
 namespace marram {
 namespace {
 
-// Throws if the field is not finite, is stronger than 10, or turns the wind by more than most_turn; the
+// Throws if the field is not finite, is stronger than 10, or turns the wind by more than max_turn; the
 // message has the coordinates.
 void check_wind_field(const WindField& field, const Domain& domain, const std::string& place) {
     size_t most = 0;
@@ -45,12 +45,12 @@ void check_wind_field(const WindField& field, const Domain& domain, const std::s
         if (std::abs(field.turn[k]) > std::abs(field.turn[most])) most = k;
     }
     const double turn = double(field.turn[most]) / degree;
-    if (std::abs(turn) * degree > WindField::most_turn * (1.0 + 1e-6))
+    if (std::abs(turn) * degree > WindField::max_turn * (1.0 + 1e-6))
         throw SceneFault(
             "terrain.wind_field", place,
             fmt::format("the wind field turns the wind by {:.1f} degrees at ({:g}, {:g}), more than {:g}",
                         turn, domain.x(int(most % size_t(domain.nx))),
-                        domain.z(int(most / size_t(domain.nx))), WindField::most_turn / degree),
+                        domain.z(int(most / size_t(domain.nx))), WindField::max_turn / degree),
             "keep its curves or image closer to the wind's direction");
 }
 

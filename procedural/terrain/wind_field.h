@@ -11,7 +11,7 @@
 
 namespace marram {
 
-// Both throw SceneFault with `place` if the field turns the wind by more than WindField::most_turn, or is not
+// Both throw SceneFault with `place` if the field turns the wind by more than WindField::max_turn, or is not
 // finite. `wind`: unit vector of the wind's mean direction, x and z.
 WindField wind_field_of_image(const MarramGrid& grid, const Domain& domain, const std::string& place);
 WindField wind_field_along(const std::vector<DrawnCurve>& curves, double reach, const Domain& domain,

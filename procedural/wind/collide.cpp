@@ -33,11 +33,11 @@ constexpr std::array collision_values = {
                   "absent: no collision"),
     param::integer("collision.rotation_steps", "", "none", 1, 1e6,
                    "number of steps if solver is steps; default: 16", "4|16|64|256", "seconds.collide"),
-    param::number("collision.offset_root", "m", "none", 0, largest_wind_input,
+    param::number("collision.offset_root", "m", "none", 0, max_wind_input,
                   "height of roots above the skin; default: 1 % of the strand's length, at least 1.2 radii"),
     param::number("collision.offset_scale", "", "none", 0, 10,
                   "minimum height of a CV above the skin, as a fraction of its rest height; default: none"),
-    param::number("collision.clearance", "m", "none", 0, largest_wind_input,
+    param::number("collision.clearance", "m", "none", 0, max_wind_input,
                   "distance that strands keep from meshes; default: their radius"),
 };
 
@@ -266,7 +266,7 @@ bool solve_remaining_without_contact(const CollideJob& job, const StrandJob& str
         offset = std::max(offset, rendered.max_offset() + std::max(rendered.r0, rendered.r1));
     }
     SearchRegion region(std::max(arc_padding + so_far.free_distance, offset) * (1.0 + 1e-9));
-    if (scratch.swept.size() <= SearchRegion::most_points) {
+    if (scratch.swept.size() <= SearchRegion::max_points) {
         for (const Vec3d& p : scratch.swept) region.add(p);
     } else {
         Eigen::AlignedBox3d box;

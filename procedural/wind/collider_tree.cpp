@@ -148,7 +148,7 @@ struct alignas(64) Corners8 { // of triangles; unused lanes repeat the last
 
 MARRAM_INLINE VFloat smaller(VFloat a, VFloat b) { return a < b ? a : b; }
 MARRAM_INLINE VFloat greater(VFloat a, VFloat b) { return a > b ? a : b; }
-MARRAM_INLINE float least_of(VFloat v) {
+MARRAM_INLINE float min_of(VFloat v) {
     v = smaller(v, __builtin_shufflevector(v, v, 4, 5, 6, 7, 0, 1, 2, 3));
     v = smaller(v, __builtin_shufflevector(v, v, 2, 3, 0, 1, 6, 7, 4, 5));
     return std::min(v[0], v[1]);
@@ -181,12 +181,12 @@ MARRAM_HOT void bound(const Corners8* triangles, size_t groups, const float* ori
     }
     low = low - o;
     high = high - o;
-    out.low[0] = least_of(low.x);
-    out.low[1] = least_of(low.y);
-    out.low[2] = least_of(low.z);
-    out.high[0] = -least_of(-high.x);
-    out.high[1] = -least_of(-high.y);
-    out.high[2] = -least_of(-high.z);
+    out.low[0] = min_of(low.x);
+    out.low[1] = min_of(low.y);
+    out.low[2] = min_of(low.z);
+    out.high[0] = -min_of(-high.x);
+    out.high[1] = -min_of(-high.y);
+    out.high[2] = -min_of(-high.z);
     float greatest = 0.0F;
     for (int axis = 0; axis < 3; ++axis) greatest = std::max({greatest, -out.low[axis], out.high[axis]});
     for (int axis = 0; axis < 3; ++axis) {
@@ -205,8 +205,8 @@ MARRAM_HOT void bound(const Corners8* triangles, size_t groups, const float* ori
             bottom = smaller(bottom, h);
             top = greater(top, h);
         }
-    out.bottom = least_of(bottom) - 0x1p-20F * greatest;
-    out.top = -least_of(-top) + 0x1p-20F * greatest;
+    out.bottom = min_of(bottom) - 0x1p-20F * greatest;
+    out.top = -min_of(-top) + 0x1p-20F * greatest;
 }
 
 // Bounds of a node's children. The extent along n of something in the slab [bottom, top] across m is limited
@@ -434,7 +434,7 @@ size_t ColliderTree::shared_bytes() const {
 
 struct alignas(64) ColliderTree::RegionQuery {
     float low[3], high[3]; // of the expanded hull
-    float points[SearchRegion::most_points][3];
+    float points[SearchRegion::max_points][3];
     size_t count;
     float radius;
     bool flat;
@@ -565,7 +565,7 @@ bool ColliderTree::find(const MarramMesh* meshes, const SearchRegion& region, si
         for (int axis = 0; axis < 3; ++axis) q.points[i][axis] = float(p[axis]);
     }
     const double radius = region.radius() + rounding_of(greatest + region.radius());
-    if (!(radius < largest_coordinate)) return true;
+    if (!(radius < embree_limit)) return true;
     for (int axis = 0; axis < 3; ++axis) {
         q.low[axis] = float(low[axis] - radius);
         q.high[axis] = float(high[axis] + radius);

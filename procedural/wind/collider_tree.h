@@ -36,7 +36,7 @@ namespace marram {
 // plane.
 class SearchRegion {
   public:
-    static constexpr size_t most_points = 24;
+    static constexpr size_t max_points = 24;
 
     explicit SearchRegion(double radius) : radius_(radius) {}
     void add(const Vec3d& p) { points_[count_++] = p; }
@@ -48,7 +48,7 @@ class SearchRegion {
     const Vec3d& normal() const { return normal_; } // 0: no slab
 
   private:
-    Vec3d points_[most_points];
+    Vec3d points_[max_points];
     size_t count_ = 0;
     double radius_;
     Vec3d normal_ = Vec3d::Zero();
@@ -84,7 +84,7 @@ class ColliderTree {
     // `meshes` below: the meshes it was built from, or equal ones.
 
     // Finds the clusters that may have a triangle within the region (none if it is not finite or its radius
-    // is beyond largest_coordinate). False: there are more than `most` (found has some of them).
+    // is beyond embree_limit). False: there are more than `most` (found has some of them).
     bool find(const MarramMesh* meshes, const SearchRegion& region, size_t most,
               std::vector<NearCluster>& found) const;
 

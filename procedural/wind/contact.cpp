@@ -184,12 +184,12 @@ struct EndOnEdge { // f(t) = k + p cos t + q sin t - (ea cos t + eb sin t)^2 l^2
 };
 
 // If an edge runs along the circle of the end, f is almost the parabola and steps are short.
-constexpr int most_steps = 20000;
+constexpr int max_steps = 20000;
 
 // The first root at or after `begin` in direction `sense` before `end`; infinity if there is none.
 double first_root(const EndOnEdge& f, double begin, double end, double sense, double enough) {
     double t = begin;
-    for (int i = 0; i < most_steps; ++i) {
+    for (int i = 0; i < max_steps; ++i) {
         double slope;
         const double value = f.value(t, slope);
         if (value <= enough) return t;

@@ -25,12 +25,12 @@ namespace marram {
 namespace {
 
 constexpr double longest = 1e6;               // frames
-constexpr double most_lumps = 0.9;            // see gusts.h
+constexpr double max_lumps = 0.9;             // see gusts.h
 constexpr double lump_cells_per_radius = 1.5; // cells of value noise: about the number of bulges on a side
 constexpr double shortest_fade = 1.0;         // frames
 constexpr double bounds_slack = 1e-12;        // see above
 constexpr double latest_frame = 1e12;         // repetitions cannot be told apart at later frames
-constexpr double most_draws = 4e6;            // gusts times repetitions tested for one time: about a second
+constexpr double max_draws = 4e6;             // gusts times repetitions tested for one time: about a second
 constexpr double upright_limit =
     0.999;                          // for a steeper wind the horizontal direction across it is ill-defined
 constexpr uint32_t noise_bits = 24; // of a lattice value: exact in a float and in a double
@@ -40,11 +40,11 @@ constexpr const char* smooth_fall = "{ knots = [[0, 1], [1, 0]], interpolation =
 constexpr std::array gust_values = {
     param::integer("gusts.num_gusts", "", "0", 0, 1000000,
                    "gusts in each period: spheres that travel with the wind"),
-    param::range("gusts.radius_range", "m", "[2, 4]", 0, largest_wind_input,
+    param::range("gusts.radius_range", "m", "[2, 4]", 0, max_wind_input,
                  "smallest and largest radius of a gust"),
-    param::range("gusts.radius_noise_range", "", "[0, 0.3]", 0, most_lumps,
+    param::range("gusts.radius_noise_range", "", "[0, 0.3]", 0, max_lumps,
                  "noise on the radius of a gust, as a fraction of the radius; 0: a sphere"),
-    param::range("gusts.speed_range", "m/s", "none", 0, largest_wind_input,
+    param::range("gusts.speed_range", "m/s", "none", 0, max_wind_input,
                  "slowest and fastest gust; default: the wind's speed"),
     param::range("gusts.start_frame_range", "frames", "none", -longest, longest,
                  "when a gust crosses the plane upwind, at full strength; default: any time of the period"),
@@ -57,12 +57,12 @@ constexpr std::array gust_values = {
                   "the gusts repeat after this time; 0: they come once"),
     param::boolean("gusts.redraw", "false",
                    "true: new random gusts in each period; false: the same gusts in each period, for loops"),
-    param::vec3("gusts.center", "m", "none", -largest_wind_input, largest_wind_input,
+    param::vec3("gusts.center", "m", "none", -max_wind_input, max_wind_input,
                 "point that gusts pass; default: the middle of the bounds of all meshes at bind_frame"),
     param::vec2(
-        "gusts.extent", "m", "none", 0, largest_wind_input,
+        "gusts.extent", "m", "none", 0, max_wind_input,
         "width and height of the plane that gusts start from; default: those of the bounds of all meshes"),
-    param::number("gusts.distance", "m", "none", -largest_wind_input, largest_wind_input,
+    param::number("gusts.distance", "m", "none", -max_wind_input, max_wind_input,
                   "distance of that plane, upwind of the centre; default: just outside these bounds"),
     param::ramp("gusts.ramp", "", smooth_fall, 0, 1,
                 "influence from the centre (0) to the surface (1), where it is 0"),
@@ -121,7 +121,7 @@ void check_period(const Gusts& gusts, const Values& values) {
                          "give at least 1 frame, or 0 for gusts that do not repeat");
     const double window =
         gusts.start_frame.y() - gusts.start_frame.x() + gusts.life.y() + longest_fade(gusts);
-    if (gusts.num_gusts * (window / gusts.period + 1.0) > most_draws)
+    if (gusts.num_gusts * (window / gusts.period + 1.0) > max_draws)
         throw SceneFault("gusts.too_many", place, "wind.gusts has more than 4000000 gusts at a time",
                          "use fewer, shorter lives or a longer period");
 }
@@ -492,8 +492,8 @@ bool segment_meets_box(const Vec3d& p, const Vec3d& q, const Eigen::AlignedBox3d
 }
 
 bool control_touches(const GustControl& control, const Vec2d& frames, const Eigen::AlignedBox3d& box) {
-    constexpr double most_times = 1000.0;
-    const double length = frames.y() - frames.x(), step = std::max(1.0, length / most_times);
+    constexpr double max_times = 1000.0;
+    const double length = frames.y() - frames.x(), step = std::max(1.0, length / max_times);
     for (double at = 0.0; at <= length; at += step) {
         ActiveInfluences active{box};
         add_control(control, frames.x() + at, active);
@@ -507,7 +507,7 @@ bool control_touches(const GustControl& control, const Vec2d& frames, const Eige
 
 GustContacts gusts_touching(const Gusts& gusts, const Vec3d& wind_direction, const Vec2d& frames, double fps,
                             const Eigen::AlignedBox3d& box) {
-    constexpr double most_counted = 1e6;
+    constexpr double max_counted = 1e6;
     GustContacts contacts;
     for (const GustControl& control : gusts.controls)
         contacts.controls.push_back(control_touches(control, frames, box));
@@ -517,11 +517,11 @@ GustContacts gusts_touching(const Gusts& gusts, const Vec3d& wind_direction, con
         const double before = std::ceil((frames.x() - gusts.start_frame.y() - gusts.life.y()) / gusts.period);
         const double after =
             std::floor((frames.y() - gusts.start_frame.x() + longest_fade(gusts)) / gusts.period);
-        contacts.counted = (after - before + 1.0) * gusts.num_gusts <= most_counted;
+        contacts.counted = (after - before + 1.0) * gusts.num_gusts <= max_counted;
         if (!contacts.counted) return contacts;
         first = int64_t(before), last = int64_t(after);
     }
-    contacts.counted = gusts.num_gusts <= most_counted;
+    contacts.counted = gusts.num_gusts <= max_counted;
     const Vec3d origin = *gusts.center - *gusts.distance * wind_direction;
     const CrosswindAxes sides = across(wind_direction);
     for (int64_t repetition = first; repetition <= last; ++repetition)

@@ -72,7 +72,7 @@ constexpr double min_direction_ratio = 1e-9;
 
 // Lags below this are set to 0 before they decay into slow subnormal numbers; no float can hold them (the
 // smallest is 1e-45 m).
-constexpr double least_lag = 1e-60;
+constexpr double min_lag = 1e-60;
 
 constexpr std::array jiggle_values = {
     param::number("jiggle.frequency", "Hz", "none", 0, 1e9,
@@ -142,7 +142,7 @@ JiggleStep overdamped_step(double damping, double tau) { // zeta >= 1
     return {slow + a * s, s, std::exp(-b * tau) - a * s, mean_slow + a * g, g};
 }
 
-double least_stiffness(const Ramp& stiffness) { // minimum over the strand
+double min_stiffness(const Ramp& stiffness) { // minimum over the strand
     double least = std::min(stiffness(0.0), stiffness(1.0));
     for (size_t i = 0; i < stiffness.positions().size(); ++i)
         if (stiffness.positions()[i] > 0.0 && stiffness.positions()[i] < 1.0)
@@ -167,9 +167,9 @@ double window_radians(double damping, double share) {
 
 MARRAM_INLINE Wide3d without_subnormals(const Wide3d& a, const Wide3d& b) {
     const VDouble zero{};
-    return {select(vabs(a.x) + vabs(b.x) < least_lag, zero, a.x),
-            select(vabs(a.y) + vabs(b.y) < least_lag, zero, a.y),
-            select(vabs(a.z) + vabs(b.z) < least_lag, zero, a.z)};
+    return {select(vabs(a.x) + vabs(b.x) < min_lag, zero, a.x),
+            select(vabs(a.y) + vabs(b.y) < min_lag, zero, a.y),
+            select(vabs(a.z) + vabs(b.z) < min_lag, zero, a.z)};
 }
 
 MARRAM_INLINE WideJiggleStep wide(const JiggleStep& step) {
@@ -333,7 +333,7 @@ double jiggle_tail(double damping, double radians) {
 JiggleWindow jiggle_window(const Jiggle& jiggle, std::span<const double> times, double fps, double reach,
                            double tolerance) {
     const double share = tolerance > 0.0 ? tolerance / reach : default_window_tolerance;
-    const double omega = 2.0 * pi * jiggle.frequency * least_stiffness(jiggle.stiffness);
+    const double omega = 2.0 * pi * jiggle.frequency * min_stiffness(jiggle.stiffness);
     const double memory = reach > 0.0 ? window_radians(jiggle.damping, share) / omega * fps : 0.0; // frames
     const double first_time = times.front() - memory, last_time = times.back();
 

@@ -33,7 +33,7 @@ MARRAM_INLINE VDouble squared_distance(const Triangles8& t, const Wide3d& p) {
     return select(inside, vmin(h * h / select(nn > 0.0, nn, 1.0), edges), edges);
 }
 
-MARRAM_HOT void least_squared(std::span<const Triangles8> triangles, const Vec3d& p, VDouble& least) {
+MARRAM_HOT void min_squared(std::span<const Triangles8> triangles, const Vec3d& p, VDouble& least) {
     const Wide3d q = splat3(p.data());
     for (const Triangles8& t : triangles) least = vmin(least, squared_distance(t, q));
 }
@@ -123,7 +123,7 @@ void keep_near_bulge(std::span<const Triangles8> triangles, size_t count, const 
 
 double nearest_distance(std::span<const Triangles8> triangles, const Vec3d& p) {
     VDouble least = splat(std::numeric_limits<double>::infinity());
-    least_squared(triangles, p, least);
+    min_squared(triangles, p, least);
     double result = least[0];
     for (int i = 1; i < lanes; ++i) result = std::min(result, double(least[i]));
     return std::sqrt(result);

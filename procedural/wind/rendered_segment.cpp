@@ -59,8 +59,8 @@ bool part_penetrates(const PenetrationCheck& check, double begin, double end, in
         for (const Vec3d& away : {Vec3d(Vec3d::Zero()), b0, b1, Vec3d(b0 + b1)}) region.add(p + away);
     }
     constexpr size_t many = 16; // clusters
-    constexpr int most_cuts = 4, pieces = 4;
-    if (!triangles_near(check.colliders, region, centre, cuts < most_cuts ? many : SIZE_MAX, check.scratch)) {
+    constexpr int max_cuts = 4, pieces = 4;
+    if (!triangles_near(check.colliders, region, centre, cuts < max_cuts ? many : SIZE_MAX, check.scratch)) {
         for (int i = 0; i < pieces; ++i)
             if (part_penetrates(check, begin + (end - begin) * i / pieces,
                                 begin + (end - begin) * (i + 1) / pieces, cuts + 1))

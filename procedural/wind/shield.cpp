@@ -27,14 +27,14 @@ namespace {
 constexpr std::array shielding_values = {
     param::number("shielding.shield", "", "none", 0, 1,
                   "share of the wind that a fully sheltered strand loses; absent: no shielding"),
-    param::number("shielding.offset", "m", "none", 1e-9, largest_wind_input,
+    param::number("shielding.offset", "m", "none", 1e-9, max_wind_input,
                   "distance upwind in which meshes shelter; default: 10 m"),
     param::choice("shielding.shield_per", "none", "curve|cv",
                   "curve (default): one value a strand; cv: one value a CV"),
     param::number(
-        "shielding.wake", "m", "none", 1e-9, largest_wind_input,
+        "shielding.wake", "m", "none", 1e-9, max_wind_input,
         "distance behind a mesh after which shelter has faded to nothing; default: it does not fade"),
-    param::number("shielding.wake_heights", "", "none", 1e-9, largest_wind_input,
+    param::number("shielding.wake_heights", "", "none", 1e-9, max_wind_input,
                   "the same, in heights of the mesh (its extent in y)"),
     param::number(
         "shielding.spread", "deg", "none", 0, 89,

@@ -146,7 +146,7 @@ RTCRayHit trace(const Colliders& colliders, const Segment& segment, const Vec3d&
 // True: a ray hits a triangle that crosses the segment.
 bool ray_confirms_blocked(const Colliders& colliders, const Segment& segment, TurnScratch& scratch) {
     // Beyond there is no mesh, and Embree rejects such rays.
-    if (!(segment.pivot.cwiseAbs().maxCoeff() < largest_coordinate)) return false;
+    if (!(segment.pivot.cwiseAbs().maxCoeff() < embree_limit)) return false;
     const RTCRayHit found = trace(colliders, segment, segment.from);
     const MarramMesh* mesh = colliders.mesh_of(found.hit);
     if (!mesh) return false;

@@ -13,16 +13,16 @@ namespace marram {
 namespace {
 
 constexpr std::array own_params = {
-    param::vec3("direction", "", "[1, 0, 0]", -largest_wind_input, largest_wind_input,
+    param::vec3("direction", "", "[1, 0, 0]", -max_wind_input, max_wind_input,
                 "where the air moves to; any length but 0"),
-    param::number("speed", "m/s", "0", 0, largest_wind_input,
+    param::number("speed", "m/s", "0", 0, max_wind_input,
                   "moves the noise field and, through response, sets the strength of the bend"),
     param::number("calm", "", "none", 0, 1,
                   "background wind, 0 to 1; default: 0 (still air between gusts) if there are gusts, else 1"),
-    param::ramp("response", "m/s", "[[0, 0], [10, 1]]", -largest_wind_input, largest_wind_input,
+    param::ramp("response", "m/s", "[[0, 0], [10, 1]]", -max_wind_input, max_wind_input,
                 "strength of the wind, 0 to 1, over its speed; 0 at speed 0"),
     param::number("global_rotate", "", "0.6", 0, 1, "scale of each segment's turn towards the wind"),
-    param::ramp("ramp_rotate", "", "[[0, 0.2], [1, 1]]", -largest_wind_input, largest_wind_input,
+    param::ramp("ramp_rotate", "", "[[0, 0.2], [1, 1]]", -max_wind_input, max_wind_input,
                 "scale of the turn from root (0) to tip (1)"),
     param::number(
         "waviness", "", "1", -1e6, 1e6,

@@ -28,10 +28,10 @@ namespace marram {
 
 namespace {
 
-constexpr int greatest_side = 65536;
-constexpr int64_t greatest_bytes = int64_t(1) << 30; // limit for the floats in memory
-constexpr int strip_rows = 256; // rows converted at a time; a multiple of EXR's 16-row blocks
-constexpr float greatest_half = 65504.0f;
+constexpr int max_side = 65536;
+constexpr int64_t max_bytes = int64_t(1) << 30; // limit for the floats in memory
+constexpr int strip_rows = 256;                 // rows converted at a time; a multiple of EXR's 16-row blocks
+constexpr float max_half = 65504.0f;
 
 using InputFile = std::unique_ptr<OIIO::ImageInput>;
 
@@ -125,11 +125,10 @@ void check_spec(const std::string& path, const OIIO::ImageSpec& spec) {
         refuse_image(path, "is a deep or volume image", "save it as a flat image");
     if (spec.width < 1 || spec.height < 1 || spec.nchannels < 1)
         refuse_image(path, "has no pixels", "save the image again");
-    if (spec.width > greatest_side || spec.height > greatest_side)
-        refuse_image(
-            path,
-            fmt::format("is {} x {} pixels, more than {} a side", spec.width, spec.height, greatest_side),
-            "make it smaller");
+    if (spec.width > max_side || spec.height > max_side)
+        refuse_image(path,
+                     fmt::format("is {} x {} pixels, more than {} a side", spec.width, spec.height, max_side),
+                     "make it smaller");
     if (!fills_frame(spec))
         refuse_image(
             path,
@@ -138,9 +137,8 @@ void check_spec(const std::string& path, const OIIO::ImageSpec& spec) {
                         spec.full_x, spec.full_y),
             "save one whole picture, its crop removed, to a file of its own");
     const int64_t bytes = int64_t(spec.width) * spec.height * spec.nchannels * int64_t(sizeof(float));
-    if (bytes > greatest_bytes)
-        refuse_image(path,
-                     fmt::format("takes {} MiB in memory, more than {}", bytes >> 20, greatest_bytes >> 20),
+    if (bytes > max_bytes)
+        refuse_image(path, fmt::format("takes {} MiB in memory, more than {}", bytes >> 20, max_bytes >> 20),
                      "make it smaller");
 }
 
@@ -307,7 +305,7 @@ void interleave(std::span<const Layer> layers, int width, int channels, int begi
                 const float value = from[i * count + c];
                 // clamp leaves a NaN unchanged: both comparisons fail.
                 strip[i * size_t(channels) + offset + c] =
-                    layer.half ? std::clamp(value, -greatest_half, greatest_half) : value;
+                    layer.half ? std::clamp(value, -max_half, max_half) : value;
             }
         offset += count;
     }
@@ -461,7 +459,7 @@ bool is_readable_to_end(OIIO::ImageInput& input) {
     const OIIO::ImageSpec spec = input.spec();
     if (spec.width < 1 || spec.height < 1 || spec.nchannels < 1 || spec.deep) return false;
     const int64_t row = int64_t(spec.width) * spec.nchannels;
-    if (row * strip_rows * int64_t(sizeof(float)) > greatest_bytes) return false; // larger than any picture
+    if (row * strip_rows * int64_t(sizeof(float)) > max_bytes) return false; // larger than any picture
     std::vector<float> strip(size_t(row) * size_t(strip_rows));
     const int end = spec.y + spec.height;
     for (int y = spec.y; y < end; y += strip_rows)

@@ -17,7 +17,7 @@ namespace {
 constexpr int gap = 8;                          // pixels between and around pictures
 constexpr int narrowest = 32;                   // column, pixels
 constexpr int highest = 65535;                  // sheet, pixels
-constexpr double most_pixels = 89e6;            // of a sheet: 1 GiB of floats
+constexpr double max_pixels = 89e6;             // of a sheet: 1 GiB of floats
 constexpr float background = 0.02F, ink = 0.7F; // linear light
 
 // Font of the captions.
@@ -148,7 +148,7 @@ Grid grid_of(const std::string& output, const std::vector<SheetPicture>& picture
             grid.cells[i].caption_y = grid.height + row;
         }
         grid.height += row + line + gap;
-        if (grid.height > highest || double(grid.height) * grid.width > most_pixels)
+        if (grid.height > highest || double(grid.height) * grid.width > max_pixels)
             throw InputError({output},
                              fmt::format("a sheet of {} columns and {} pixels width would be too large",
                                          columns, grid.width),

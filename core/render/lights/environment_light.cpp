@@ -10,7 +10,7 @@ namespace marram {
 namespace {
 
 constexpr double table_variance = 0.005;
-constexpr uint32_t largest_shift = 6; // blocks of 64 x 64 pixels
+constexpr uint32_t max_shift = 6; // blocks of 64 x 64 pixels
 
 // Position of a direction in the image, in pixels from the top left corner. Floats suffice: directions are
 // floats too, and the error is below a thousandth of a pixel of the widest image.
@@ -161,7 +161,7 @@ EnvironmentSampler::EnvironmentSampler(const EnvironmentLight& light) : light_(l
     std::vector<double> weights = pixel_means(light);
     columns_ = image.width;
     for (Blocks next = blocks_of_four(light, weights, cosines);
-         next.shift <= largest_shift && added_variance(light, cosines, next) <= table_variance;
+         next.shift <= max_shift && added_variance(light, cosines, next) <= table_variance;
          next = coarser(light, next)) {
         shift_ = next.shift;
         columns_ = next.columns;

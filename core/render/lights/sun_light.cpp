@@ -6,7 +6,7 @@
 namespace marram {
 namespace {
 
-constexpr double least_disc = 64.0 * 0x1p-23; // radians; a float direction has an error of up to 1 % of it
+constexpr double min_disc = 64.0 * 0x1p-23; // radians; a float direction has an error of up to 1 % of it
 
 } // namespace
 
@@ -32,7 +32,7 @@ SunLight make_sun(const ParamSet& params) {
 SunSampler::SunSampler(const SunLight& light)
     : direction_(light.direction.normalized()), half_angle_(0.5 * light.angle),
       one_minus_cos_(2.0 * std::sin(0.5 * half_angle_) * std::sin(0.5 * half_angle_)),
-      radiance_(light.irradiance), delta_(half_angle_ < least_disc), visible_(light.visible) {
+      radiance_(light.irradiance), delta_(half_angle_ < min_disc), visible_(light.visible) {
     orthonormal_basis(direction_, x_, y_);
     if (delta_) return;
     radiance_ = light.irradiance / static_cast<float>(pi * std::sin(half_angle_) * std::sin(half_angle_));

@@ -98,8 +98,8 @@ MassDune make_dune(const MassSettings& s, const MassPlace& place, const std::vec
     dune.settings.boundary_noise_length = s.boundary_noise_length;
     dune.settings.flip =
         true; // crests run from left to right seen along the wind, so the windward side is on their right
-    constexpr uint64_t most_seeds = 1'000'000'000; // range of a layer's seed parameter
-    dune.noise_seed = hash(random.word, uint64_t(MassRandomKey::noise)) % most_seeds;
+    constexpr uint64_t max_seeds = 1'000'000'000; // range of a layer's seed parameter
+    dune.noise_seed = hash(random.word, uint64_t(MassRandomKey::noise)) % max_seeds;
     dune.settings.seed = dune_noise_seed(s.terrain_seed, dune.noise_seed, 0);
     make_mass_shape(s, random, dune);
     resample_as_drawn(dune);

@@ -70,7 +70,7 @@ struct MassDune {
 MassKind regime_kind(double sand_cover, double wind_variability, double plants);
 
 // Maximum number of dunes in an area; more is a SceneFault.
-inline constexpr double most_mass_dunes = 100'000;
+inline constexpr double max_mass_dunes = 100'000;
 
 // All dunes whose place before edits is in [lower, upper), sorted by id. Depends only on settings and area.
 std::vector<MassDune> generate_dunes(const MassSettings& settings, const Vec2d& lower, const Vec2d& upper);

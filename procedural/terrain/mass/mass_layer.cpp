@@ -203,9 +203,9 @@ std::string MassLayer::described(size_t index, const Fields& below) const {
             const std::string name = fmt::format("dune_{}_{}_{}", index, dune.id, arm);
             std::string points;
             for (size_t line = 0; const Vec2d& p : dune.crests[arm]) { // lines of at most 100 columns
-                constexpr size_t most_columns = 98, head = 10;         // head: "points = ["
+                constexpr size_t max_columns = 98, head = 10;          // head: "points = ["
                 const std::string point = fmt::format("[{}, 0, {}]", p.x(), p.y());
-                const bool breaks = !points.empty() && line + point.size() > most_columns;
+                const bool breaks = !points.empty() && line + point.size() > max_columns;
                 points += (points.empty() ? "" : breaks ? ",\n    " : ", ") + point;
                 line = (points.size() == point.size() ? head : breaks ? 4 : line + 2) + point.size();
             }

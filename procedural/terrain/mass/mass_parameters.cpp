@@ -15,7 +15,7 @@ namespace marram {
 
 namespace {
 
-constexpr double least_height = 1e-3, most_height = 1e3, least_spacing = 0.1, most_spacing = 1e6; // metres
+constexpr double min_height = 1e-3, most_height = 1e3, min_spacing = 0.1, max_spacing = 1e6; // metres
 
 constexpr std::array<std::string_view, 8> mass_kinds = {"barchan", "barchanoid", "transverse", "seif",
                                                         "star",    "dome",       "parabolic",  "nabkha"};
@@ -36,10 +36,10 @@ constexpr auto mass_values = std::to_array<MarramParam>({
     param::number("plants", "", "0", 0, 1, "share of the ground that plants cover"),
     param::number("kind_mixing", "", "0.05", 0, 1,
                   "largest random deviation of a dune's cover and variability"),
-    param::range("height", "m", "[2, 6]", least_height, most_height, "lowest and highest dune"),
-    param::range("spacing", "m", "[80, 140]", least_spacing, most_spacing,
+    param::range("height", "m", "[2, 6]", min_height, most_height, "lowest and highest dune"),
+    param::range("spacing", "m", "[80, 140]", min_spacing, max_spacing,
                  "distance between the middles of neighbours; none are nearer than the first"),
-    param::range("ridge_length", "m", "[150, 300]", least_spacing, most_spacing,
+    param::range("ridge_length", "m", "[150, 300]", min_spacing, max_spacing,
                  "crest of transverse, barchanoid and seif dunes"),
     param::number("density", "", "1", 0, 1, "share of the places that hold a dune"),
     param::number("dispersion", "deg", "8", 0, 180, "standard deviation of the dunes' orientation"),
@@ -165,7 +165,7 @@ void warn_of_lost_edits(const LayerContext& context, const MassSettings& setting
 std::unique_ptr<TerrainLayer> make_mass_layer(const LayerContext& context) {
     const MassSettings settings = read_mass(context);
     const MassArea area = read_area(context, settings);
-    if (const double about = mass_count(bounded_mass_settings(settings), area); about > most_mass_dunes)
+    if (const double about = mass_count(bounded_mass_settings(settings), area); about > max_mass_dunes)
         mass_too_many(about, context.values.place("spacing"));
     std::vector<MassDune> dunes = generate_dunes(settings, area.lower, area.upper);
     warn_of_lost_edits(context, settings, dunes);
@@ -198,9 +198,9 @@ MassSettings bounded_mass_settings(MassSettings s) {
         r.x() = std::clamp(r.x(), low, high);
         r.y() = std::clamp(r.y(), r.x(), high);
     };
-    range(s.height, least_height, most_height);
-    range(s.spacing, least_spacing, most_spacing);
-    range(s.ridge_length, least_spacing, most_spacing);
+    range(s.height, min_height, most_height);
+    range(s.spacing, min_spacing, max_spacing);
+    range(s.ridge_length, min_spacing, max_spacing);
     s.slip_angle = std::clamp(s.slip_angle, 1.0 * degree, 80.0 * degree);
     s.windward_angle = std::clamp(s.windward_angle, 0.0, 60.0 * degree);
     s.horn_length = std::clamp(s.horn_length, 0.05, 2.0);

@@ -40,8 +40,8 @@ class MassDarts {
   public:
     explicit MassDarts(const MassSettings& settings)
         : seed_(mass_seed(settings)), spacing_(settings.spacing) {
-        constexpr double most_ratio = 8.0;
-        spacing_.y() = std::min(spacing_.y(), most_ratio * spacing_.x());
+        constexpr double max_ratio = 8.0;
+        spacing_.y() = std::min(spacing_.y(), max_ratio * spacing_.x());
         const double ratio = spacing_.y() / spacing_.x();
         count_ = std::max(int(std::lround(4.0 * ratio * ratio)), 4);
     }
@@ -210,7 +210,7 @@ void curve_places(const MassSettings& settings, const MassArea& area, std::vecto
 void mass_too_many(double about, const std::string& place) {
     throw SceneFault(
         "mass_desert.too_many", place,
-        fmt::format("about {:.3g} dunes are asked for; the most is {:.0f}", about, most_mass_dunes),
+        fmt::format("about {:.3g} dunes are asked for; the most is {:.0f}", about, max_mass_dunes),
         "raise spacing, or give a smaller area");
 }
 
@@ -243,7 +243,7 @@ std::vector<MassPlace> mass_places(const MassSettings& settings, const MassArea&
         !(area.lower.array() < area.upper.array()).all() || area.lower.cwiseAbs().maxCoeff() > farthest ||
         area.upper.cwiseAbs().maxCoeff() > farthest)
         return places;
-    if (const double about = mass_count(settings, area); about > most_mass_dunes) mass_too_many(about);
+    if (const double about = mass_count(settings, area); about > max_mass_dunes) mass_too_many(about);
     switch (settings.arrangement) {
     case MassArrangement::random:
         random_places(settings, area, places);

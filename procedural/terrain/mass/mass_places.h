@@ -32,7 +32,7 @@ inline uint64_t mass_seed(const MassSettings& settings) {
 
 // All places in the area that have a dune, before edits, sorted by id. None if the area is empty or reaches
 // beyond 10^9 m. The settings must be within their ranges. Throws SceneFault if mass_count() is above
-// most_mass_dunes.
+// max_mass_dunes.
 std::vector<MassPlace> mass_places(const MassSettings& settings, const MassArea& area);
 
 // An approximate upper bound of the number of places in the area.

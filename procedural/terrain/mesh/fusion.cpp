@@ -596,17 +596,17 @@ bool FusionRelaxer::relax(FusionResult& result) {
     const FusionSlopes slopes = fine_slopes();
     if (!fusion_survey(finest(), slopes.trigger).awake) return true;
     size_t work = 0; // blocks that were awake, over all sweeps of the finest grid
-    const size_t most_work = std::max(fusion_most_sweeps * finest().blocks(), fusion_smallest_work_limit);
+    const size_t max_work = std::max(fusion_most_sweeps * finest().blocks(), fusion_smallest_work_limit);
     for (int cycle = 0; cycle < cycles_; ++cycle) {
         if (!cascade()) return false;
         const int sweeps = fusion_cycle_sweeps << std::min(cycle / fusion_doubling_cycles, 20);
-        if (work > most_work) break;
+        if (work > max_work) break;
         for (int sweep = 0; sweep < sweeps; ++sweep) {
             if (stop()) return false;
             ++result.sweeps;
             work += size_t(std::count(finest().active.begin(), finest().active.end(), char(1)));
             if (!fusion_sweep(finest(), slopes, true, sweep & 1)) return true;
-            if (work > most_work) break;
+            if (work > max_work) break;
         }
     }
     result.settled = false;

@@ -263,7 +263,7 @@ LatticeMap::LatticeMap(const LatticeNet& net, double accuracy)
             const Vec2d sideways(offset.x(), offset.z()), steps = to_net_ * sideways;
             const size_t at = size_t(j + lattice_border) * size_t(stride_) + size_t(i + lattice_border);
             controls_[at] = {{steps.x(), steps.y(), offset.y(), 0.0}};
-            largest_shift_ = std::max(largest_shift_, sideways.norm());
+            max_shift_ = std::max(max_shift_, sideways.norm());
             only_lifts_ = only_lifts_ && steps == Vec2d::Zero();
         }
 }
@@ -294,7 +294,7 @@ std::optional<LatticeCell> LatticeMap::fold() const {
             lattice_add_product(x, z, 1.0, jacobian);
             lattice_add_product(z, x, -1.0, jacobian);
             double found = 0.0;
-            if (!lattice_above(jacobian, least_jacobian, halvings, found)) return LatticeCell{i, j, found};
+            if (!lattice_above(jacobian, min_jacobian, halvings, found)) return LatticeCell{i, j, found};
         }
     return {};
 }
@@ -414,7 +414,7 @@ LatticeLayer::LatticeLayer(const LatticeNet& net, const Domain& domain, Target t
     : net_(net), domain_(domain), target_(target), masks_(std::move(masks)), map_(net, 1e-9 * domain.cell) {}
 
 double LatticeLayer::reach() const {
-    return map_.is_vertical_only() ? 0.0 : map_.largest_shift() + 3.0 * domain_.cell; // 3 > 2 sqrt 2
+    return map_.is_vertical_only() ? 0.0 : map_.max_shift() + 3.0 * domain_.cell; // 3 > 2 sqrt 2
 }
 
 void LatticeLayer::evaluate(const Rect& rect, const Fields& below, const LayerOutput& out) const {
@@ -486,7 +486,7 @@ Tiles LatticeLayer::changed_since(const TerrainLayer& before, const Domain& doma
         }
         return tiles;
     }
-    const Vec2d shift = Vec2d::Constant(std::max(map_.largest_shift(), other->map_.largest_shift()));
+    const Vec2d shift = Vec2d::Constant(std::max(map_.max_shift(), other->map_.max_shift()));
     for (int j = 0; j < a.nv; ++j)
         for (int i = 0; i < a.nu; ++i) {
             const size_t at = size_t(j) * size_t(a.nu) + size_t(i);
@@ -525,7 +525,7 @@ void check_lattice_rows(std::span<const DrawnCurve> rest, std::span<const DrawnC
                                   std::to_string(rest[0].points.size()),
                               "give every row as many points");
             for (const Vec3d& p : row->points)
-                if (!p.allFinite() || p.cwiseAbs().maxCoeff() > largest_wind_input)
+                if (!p.allFinite() || p.cwiseAbs().maxCoeff() > max_wind_input)
                     lattice_fault("too_far", place, "a point of the lattice is more than 1e9 m away",
                                   "draw it near the terrain");
         }

@@ -38,7 +38,7 @@ struct LatticeNet {
 // from -2 to nu.
 struct LatticeCell {
     int i = 0, j = 0;
-    double jacobian = 0.0; // at some point of the cell, or a lower bound: not above least_jacobian
+    double jacobian = 0.0; // at some point of the cell, or a lower bound: not above min_jacobian
 };
 
 // Control point as stored for evaluation: sideways offset in net steps, vertical offset in metres.
@@ -50,7 +50,7 @@ struct alignas(32) LatticeControl {
 class LatticeMap {
   public:
     // A Jacobian at or below this value counts as a fold.
-    static constexpr double least_jacobian = 1e-3;
+    static constexpr double min_jacobian = 1e-3;
 
     // `accuracy`: tolerance of the inverse in metres.
     LatticeMap(const LatticeNet& net, double accuracy);
@@ -69,7 +69,7 @@ class LatticeMap {
              double* lift) const;
 
     bool is_vertical_only() const { return only_lifts_; }
-    double largest_shift() const { return largest_shift_; } // metres: upper bound of the sideways offset
+    double max_shift() const { return max_shift_; } // metres: upper bound of the sideways offset
     // Bounding box of the region that can move.
     void support(Vec2d& lower, Vec2d& upper) const;
     // Bounding box, in rest positions, of the region that control point (i, j) moves.
@@ -84,7 +84,7 @@ class LatticeMap {
     Eigen::Matrix2d to_world_, to_net_;
     std::vector<LatticeControl> controls_; // padded by three points with zero offset on each side
     double tolerance_;                     // of the inverse, in net steps
-    double largest_shift_ = 0.0;
+    double max_shift_ = 0.0;
     bool only_lifts_ = true;
 };
 

@@ -312,9 +312,9 @@ void stone_noise(const StoneBody& body, double z, int count, StoneRow& row) {
 }
 
 void stone_check(double count, const std::string& place) {
-    if (!(count <= most_stones))
+    if (!(count <= max_stones))
         throw SceneFault("stones.too_many", place, fmt::format("{:g} stones are too many", count),
-                         fmt::format("lower the density: {:g} on a terrain is the most", most_stones));
+                         fmt::format("lower the density: {:g} on a terrain is the most", max_stones));
 }
 
 } // namespace
@@ -357,7 +357,7 @@ Stones place_stones(const StoneSettings& settings, double smallest, const Vec2d&
 
 StonesLayer::StonesLayer(const StoneSettings& settings, const Domain& domain, const std::string& place)
     : settings_(settings), domain_(domain),
-      stones_(place_stones(settings, least_cells * domain.cell, {domain.x0, domain.z0},
+      stones_(place_stones(settings, min_cells * domain.cell, {domain.x0, domain.z0},
                            {domain.x(domain.nx - 1), domain.z(domain.nz - 1)}, place)) {
     double largest = 0.0;
     for (const Stone& stone : stones_.list) largest = std::max(largest, stone.size);
@@ -545,7 +545,7 @@ std::unique_ptr<TerrainLayer> make_stones(const LayerContext& context) {
     if (const size_t small = layer->stones().too_small; small > 0 && context.warn)
         context.warn(context.values.place("size"),
                      fmt::format("{} of {} stones are smaller than {:g} cells of {:g} m: they are left out",
-                                 small, small + layer->stones().list.size(), StonesLayer::least_cells,
+                                 small, small + layer->stones().list.size(), StonesLayer::min_cells,
                                  context.domain.cell),
                      "take a finer cell, or larger stones: size, density");
     return layer;

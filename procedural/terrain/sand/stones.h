@@ -43,7 +43,7 @@ struct Stones {
 };
 
 // Maximum number of places in an area; more is a SceneFault.
-inline constexpr double most_stones = 1e7;
+inline constexpr double max_stones = 1e7;
 
 // All stones of at least `smallest` metres whose centre is in [lower, upper). Depends only on settings and
 // area. Throws SceneFault at `place` if there are too many.
@@ -53,7 +53,7 @@ Stones place_stones(const StoneSettings& settings, double smallest, const Vec2d&
 class StonesLayer : public TerrainLayer {
   public:
     // Minimum size in cells; smaller stones are omitted.
-    static constexpr double least_cells = 4.0;
+    static constexpr double min_cells = 4.0;
 
     StonesLayer(const StoneSettings& settings, const Domain& domain, const std::string& place = "");
 

@@ -76,8 +76,8 @@ namespace {
 constexpr double solver_max_height = 0x1p18; // metres; whole units of it are exact in a double
 // Of the flux across the periodic border: what a step may pay of the difference that earlier steps have left.
 // They may have been much longer.
-constexpr double most_owed = 1.25;
-constexpr double least_units =
+constexpr double max_owed = 1.25;
+constexpr double min_units =
     0x1p16;                         // of a step's greatest flux, for the flux at the border to be known by it
 constexpr size_t solver_slack = 16; // padding after the last row: loaded but without effect
 
@@ -191,7 +191,7 @@ std::string DuneSolver::problem(const Domain& domain, const DuneSolverSettings& 
     if (field.turn.size() != field.strength.size() || (!field.empty() && field.turn.size() != domain.count()))
         return "the wind field needs a turn and a strength for each sample";
     for (size_t k = 0; k < field.turn.size(); ++k) {
-        if (!(std::abs(double(field.turn[k])) <= WindField::most_turn * (1.0 + 1e-6)))
+        if (!(std::abs(double(field.turn[k])) <= WindField::max_turn * (1.0 + 1e-6)))
             return "the wind field turns the wind by more than 30 degrees";
         if (!(field.strength[k] >= 0.0F) || !(field.strength[k] <= 10.0F))
             return "the wind field's strength is not 0 to 10";
@@ -228,7 +228,7 @@ DuneSolver::DuneSolver(const Domain& domain, const DuneSolverSettings& settings,
         solver_copy(plants, rows_, columns_, size_t(domain.nx), plants_.data(), pitch());
         for (float& cover : plants_) cover *= area;
         if (growth.rate > 0.0) {
-            most_plants_ = plants_;
+            max_plants_ = plants_;
             plant_height_.assign(wide, growth.height * std::sqrt(growth.start_cover));
             set_plants();
         }
@@ -259,7 +259,7 @@ void DuneSolver::orient(bool transposed) {
         solver_transpose(field.data(), rows, columns, from, turned.data(), to);
         field.swap(turned);
     };
-    transpose(ground_), transpose(height_), transpose(before_), transpose(plants_), transpose(most_plants_),
+    transpose(ground_), transpose(height_), transpose(before_), transpose(plants_), transpose(max_plants_),
         transpose(plant_height_);
     transpose(turn_cos_), transpose(turn_sin_), transpose(stress_factor_), transpose(direction_index_);
     for (float& sine : turn_sin_) sine = -sine; // rows and columns change places
@@ -275,7 +275,7 @@ void DuneSolver::set_wind_field(const WindField& field) {
     direction_count_ = 1 + int(std::ceil(range / apart - 0.001)); // rounding is not another direction
     turn_spacing_ = direction_count_ > 1 ? range / (direction_count_ - 1) : 0.0;
     first_turn_ = direction_count_ > 1 ? double(*least) : 0.5 * (double(*least) + double(*most));
-    greatest_strength_ = double(*std::max_element(field.strength.begin(), field.strength.end()));
+    max_strength_ = double(*std::max_element(field.strength.begin(), field.strength.end()));
     std::vector<float> values(field.turn.size());
     const auto set = [&](WideVector<float>& to, auto&& value) {
         for (size_t k = 0; k < values.size(); ++k) values[k] = float(value(k));
@@ -337,7 +337,7 @@ void DuneSolver::envelope() {
 void DuneSolver::set_plants() {
     for (size_t k = 0; k < plants_.size(); ++k) {
         const double share = plant_height_[k] * (1.0 / settings_.growth.height);
-        plants_[k] = float(double(most_plants_[k]) * share * share);
+        plants_[k] = float(double(max_plants_[k]) * share * share);
     }
 }
 
@@ -345,8 +345,8 @@ void DuneSolver::grow(double seconds) {
     const double full = settings_.growth.height, gain = -std::expm1(-settings_.growth.rate / full * seconds);
     marram::parallel_for(0, rows_, [&](int r) {
         const size_t at = size_t(r) * pitch();
-        solver_grow(height_.data() + at, before_.data() + at, most_plants_.data() + at,
-                    solver_lanes(columns_), gain, full, plant_height_.data() + at, plants_.data() + at);
+        solver_grow(height_.data() + at, before_.data() + at, max_plants_.data() + at, solver_lanes(columns_),
+                    gain, full, plant_height_.data() + at, plants_.data() + at);
     });
 }
 
@@ -386,14 +386,14 @@ void DuneSolver::march(const DownwindGrid& course, double wind_row, const SandWi
     std::vector<double>& seam = state_.seam_flux[axis];
     std::vector<SandUnits>& airborne = state_.airborne[axis];
     const int direction = wind_row < 0.0 ? -1 : 1;
-    const double saturated = settings_.physics.saturated_flux(greatest_strength_ * wind.shear_velocity);
+    const double saturated = settings_.physics.saturated_flux(max_strength_ * wind.shear_velocity);
     if (periodic) {
         const double length = rows_ * domain_.cell / settings_.physics.saturation_length();
         if (!(peak.flux > 0.0)) {
             std::fill(seam.begin(), seam.end(), 0.0);
         } else if (state_.seam_direction[axis] != direction || state_.seam_saturated[axis] != saturated) {
             March::Input probe = input; // long enough for its flux to be known, however short the step is
-            probe.scale = std::max(input.scale, least_units / peak.flux);
+            probe.scale = std::max(input.scale, min_units / peak.flux);
             const int passes =
                 2 + int(std::min(14.0 / length, 200.0)); // from 0: less than exp(-14) is missing
             for (int pass = 0; pass < passes; ++pass)
@@ -402,7 +402,7 @@ void DuneSolver::march(const DownwindGrid& course, double wind_row, const SandWi
         }
         const double forgotten = peak.flux > 0.0 ? -std::expm1(-length) : 1.0;
         for (size_t b = 0; b < seam.size(); ++b) {
-            const double flux = seam[b] * input.scale, most = most_owed * flux;
+            const double flux = seam[b] * input.scale, most = max_owed * flux;
             const double due = std::rint(forgotten * double(airborne[b])),
                          owed = std::clamp(due, -most, most);
             airborne[b] -= settle(course, b, due - std::rint(owed));
@@ -429,7 +429,7 @@ void DuneSolver::march(const DownwindGrid& course, double wind_row, const SandWi
     } else
         sand_.swap(sand_next_);
     if (periodic) {
-        const bool exact = peak.flux * input.scale >= least_units;
+        const bool exact = peak.flux * input.scale >= min_units;
         for (size_t b = 0; b < seam.size(); ++b) {
             airborne[b] += SandUnits(front_[b]);
             if (exact) seam[b] = front_[b] / input.scale;

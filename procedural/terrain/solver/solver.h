@@ -127,7 +127,7 @@ class DuneSolver {
     int rows_ = 0, columns_ = 0; // along z and x, or along x and z
     WideVector<float> ground_, height_, before_;
     WideVector<float> plants_;        // frontal area per area of ground
-    WideVector<float> most_plants_;   // if they grow: plants_ when full-grown
+    WideVector<float> max_plants_;    // if they grow: plants_ when full-grown
     WideVector<double> plant_height_; // metres; double, because the change per step is below float precision
     WideVector<double> sand_, sand_next_;
     WideVector<float> air_height_;
@@ -137,7 +137,7 @@ class DuneSolver {
     WideVector<float> turn_cos_, turn_sin_, stress_factor_, direction_index_;
     double first_turn_ = 0.0, turn_spacing_ = 0.0; // radians: of direction 0, and between neighbours
     int direction_count_ = 1;
-    double greatest_strength_ = 1.0; // greatest factor of the shear velocity
+    double max_strength_ = 1.0; // greatest factor of the shear velocity
     WideVector<float> along_mean_, across_mean_, excess_mean_,
         wake_mean_;                  // over directions, if there are several
     WideVector<float> wake_deficit_; // deficit of the shear velocity; empty without wakes

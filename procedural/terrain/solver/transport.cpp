@@ -107,7 +107,7 @@ MARRAM_INLINE VFloat transport_ground_slope(VFloat slope, float steepest) {
 
 MARRAM_HOT SaturationMaxima transport_saturate(const SaturationRow& row) {
     const VFloat none = splat_float(0.0F), one = splat_float(1.0F);
-    VFloat most = none, most_flux = none, most_turn = none;
+    VFloat most = none, max_flux = none, max_turn = none;
     for (int b = 0; b < row.count; b += lanes) {
         const VFloat open = vmax(none, vmin(one, one - row.bubble * vload(row.excess + b)));
         VFloat along = open * vmax(none, 1.0F + vload(row.along + b));
@@ -151,7 +151,7 @@ MARRAM_HOT SaturationMaxima transport_saturate(const SaturationRow& row) {
         for (int l = std::max(row.columns - b, 0); l < lanes; ++l)
             stress[l] = flux[l] = 0.0F; // padding beyond the row
         most = vmax(most, stress);
-        most_flux = vmax(most_flux, flux);
+        max_flux = vmax(max_flux, flux);
         vstore(row.flux + b, flux);
         const VDouble way = row.half_cell / to_double(e_row);
         const VDouble kept = vexp(-way);
@@ -161,15 +161,15 @@ MARRAM_HOT SaturationMaxima transport_saturate(const SaturationRow& row) {
                             ? 0.25 - way * (1.0 / 24.0)
                             : 0.5 / way - 0.5 * kept / (1.0 - kept)));
         vstore(row.cell_turn + b, turn);
-        most_turn = vmax(most_turn, flux > 0.0F ? vmax(turn, -turn) : none);
+        max_turn = vmax(max_turn, flux > 0.0F ? vmax(turn, -turn) : none);
         vstore(row.gain + b, 0.5F * row.side_slope * (one - u_column * u_column) / ahead);
         vstore(row.rise + b, g_column);
     }
     SaturationMaxima peak;
     for (int l = 0; l < lanes; ++l)
         peak.stress = std::max(peak.stress, double(most[l])),
-        peak.flux = std::max(peak.flux, double(most_flux[l])),
-        peak.turn = std::max(peak.turn, double(most_turn[l]));
+        peak.flux = std::max(peak.flux, double(max_flux[l])),
+        peak.turn = std::max(peak.turn, double(max_turn[l]));
     return peak;
 }
 

@@ -35,10 +35,6 @@ struct SandPhysics {
     double saturated_flux(double shear_velocity) const;
     // Its inverse: the shear velocity, at least the threshold, that moves this flux of 0 or more.
     double shear_velocity_of_flux(double flux) const;
-    // Derivative of the saturated flux by the logarithm of the stress.
-    double flux_response(double shear_velocity) const {
-        return flux_scale * air_density / gravity * threshold * shear_velocity * shear_velocity;
-    }
 };
 
 // Inputs from the air, per cell; rows of `pitch` floats. turn_* and stress_factor: NULL without a wind field.

@@ -28,7 +28,7 @@
 namespace marram {
 namespace {
 
-constexpr float smallest_deficit = 1e-4F;
+constexpr float min_deficit = 1e-4F;
 
 MARRAM_HOT void wake_own_deficit(const float* area, float drag, int count, float* deficit) {
     for (int b = 0; b < count; b += lanes)
@@ -58,7 +58,7 @@ MARRAM_HOT void wake_sweep(int length, const float* decay, float uniform_decay, 
                                          : splat_float(uniform_decay);
             carried_decay[v] = own >= left ? own_decay : carried_decay[v];
             const VFloat most = vmax(own, left);
-            carried[v] = most > smallest_deficit ? most : splat_float(0.0F);
+            carried[v] = most > min_deficit ? most : splat_float(0.0F);
             vstore(here, carried[v]);
         }
 }
@@ -68,7 +68,7 @@ MARRAM_HOT void wake_sweep(int length, const float* decay, float uniform_decay, 
 void Wake::find(const DownwindGrid& grid, double recovery, const WakePlants& plants, size_t pitch,
                 float* deficit) {
     const double spacing = grid.spacing(),
-                 longest = recovery * plants.full_height * -std::log(double(smallest_deficit));
+                 longest = recovery * plants.full_height * -std::log(double(min_deficit));
     const double most =
         8.0 * (double(grid.rows) + grid.columns); // samples: so long a ray has crossed the ground many times
     const DownwindRays rays(grid, int(std::min(std::ceil(longest / spacing) + 1.0, most)), 0);

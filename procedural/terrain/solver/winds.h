@@ -74,11 +74,11 @@ std::vector<TimedWind> merged_winds(std::span<const TimedWind> winds, double sho
 // How the wind differs from place to place, relative to the wind of the moment; per sample (i, j) at j * nx +
 // i. Empty: nowhere.
 struct WindField {
-    std::vector<float> turn;     // radians, from +x towards +z; at most most_turn to either side
+    std::vector<float> turn;     // radians, from +x towards +z; at most max_turn to either side
     std::vector<float> strength; // factor of the shear velocity, 0 to 10
     // The wind of the moment crosses rows at up to 45 degrees to their normal, the local one at up to 75; the
     // march does not turn the flux by more than 79.
-    static constexpr double most_turn = 30.0 * degree;
+    static constexpr double max_turn = 30.0 * degree;
     bool empty() const { return turn.empty(); }
 };
 

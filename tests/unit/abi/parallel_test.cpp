@@ -30,7 +30,7 @@ TEST(Parallel, PartsCoverARangeOnce) {
         for (const uint64_t grain : {1UL, 64UL, ~0UL}) {
             const tbb::blocked_range<uint64_t> range(7, 7 + size, grain);
             const uint64_t parts = parts_of(range);
-            EXPECT_LE(parts, most_tasks);
+            EXPECT_LE(parts, max_tasks);
             EXPECT_EQ(parts == 0, size == 0);
             uint64_t at = 7;
             for (uint64_t k = 0; k < parts; ++k) {

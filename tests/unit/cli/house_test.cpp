@@ -81,60 +81,6 @@ std::vector<std::string> files_in(const std::vector<std::string>& folders) {
     return files;
 }
 
-// Words and phrases that a renderer engineer would have to look up, or read twice. Names come from pbrt's
-// book, Embree's manual and the cited papers; sentences are short and active.
-const std::vector<std::string> riddles = {"found_weight",
-                                          "turn_dials",
-                                          "Dialect",
-                                          "Uncut",
-                                          "\\bBow\\b",
-                                          "\\bFoot\\b",
-                                          "class Looks",
-                                          "escaped\\(\\)",
-                                          "\\bluck\\b",
-                                          "[Bb]ids of",
-                                          "\\bmend(s|ed|ing)?\\b",
-                                          "whenever",
-                                          "no quantity",
-                                          "What strata take",
-                                          "by way of more than one surface",
-                                          "looks decide",
-                                          "variance noise decides",
-                                          "costs nothing is nothing",
-                                          "nearer to it than they are thick",
-                                          "keep the least bad",
-                                          "aim at no less",
-                                          "as they are thick",
-                                          "worth a thought",
-                                          "goes its own way",
-                                          "\\bfor ever\\b",
-                                          "[Dd]ialect",
-                                          "dips_in",
-                                          "SeenLight",
-                                          "by chance have not",
-                                          "g} is allowed",
-                                          "g} are allowed",
-                                          "full envelope",
-                                          "[Ww]hoever",
-                                          "nobody can tell",
-                                          "for the curious",
-                                          "a name rather than",
-                                          "begins anew",
-                                          "means nothing",
-                                          "a patch pays"};
-
-TEST(House, SaysItInPlainWords) {
-    std::vector<std::string> files = {"README.md"};
-    for (const std::string& file : files_in({"core", "procedural", "shaders", "scenes", "tests"}))
-        if (is_source(file) || file.ends_with(".md") || file.ends_with(".toml")) files.push_back(file);
-    std::string command = "cd '" + source.string() + "' && grep -nHE";
-    for (const std::string& riddle : riddles) command += " -e '" + riddle + "'";
-    for (const std::string& file : files)
-        if (file != "tests/unit/cli/house_test.cpp") command += " '" + file + "'";
-    // grep exits with 1 if it finds nothing.
-    for (const std::string& line : lines(output_of(command + " || [ $? -eq 1 ]"))) ADD_FAILURE() << line;
-}
-
 // The project's own terms fit on a page.
 TEST(House, HasAShortGlossary) {
     std::ifstream in(source / "procedural/README.md");

@@ -39,7 +39,7 @@ TEST(Speed, OfStrandsIsSmallBesideTheBvh) {
 // How often the time of few goes into that of many. Each is the least of three runs: whatever else runs on
 // the machine only adds.
 template <typename Run>
-double least_ratio(Run&& seconds, const std::string& many, const std::string& few) {
+double min_ratio(Run&& seconds, const std::string& many, const std::string& few) {
     double much = INFINITY, little = INFINITY;
     for (int run = 0; run < 3; ++run) {
         much = std::min(much, double(seconds(many)));
@@ -74,7 +74,7 @@ TEST(Speed, OfContactIsLinearInCvs) {
     const auto collide = [&](const std::string& cvs) {
         return stat(folder, scene, "collide", {"--set", "procedural.grass.cvs=" + cvs});
     };
-    EXPECT_LT(least_ratio(collide, "640", "80"), 32.0);
+    EXPECT_LT(min_ratio(collide, "640", "80"), 32.0);
 }
 
 TEST(Speed, OfLoadingIsLinearInGusts) {
@@ -90,7 +90,7 @@ TEST(Speed, OfLoadingIsLinearInGusts) {
     };
     const std::string few = scene_with(1000), many = scene_with(8000);
     const auto load = [&](const std::string& scene) { return stat(folder, scene, "load"); };
-    EXPECT_LT(least_ratio(load, many, few), 32.0);
+    EXPECT_LT(min_ratio(load, many, few), 32.0);
 }
 
 } // namespace

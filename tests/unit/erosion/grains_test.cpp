@@ -138,7 +138,7 @@ TEST(Grains, FlyTheLastPermittedChord) {
     GrainSettings s;
     s.paths = 2000, s.gravity = 0.0, s.height = 0.5;
     GrainSettings one_chord = s, one_hit = s;
-    one_chord.most_segments = 1, one_hit.most_hits = 1;
+    one_chord.max_segments = 1, one_hit.max_hits = 1;
     const GrainReport chord = traced(scene, scene.worn(id), one_chord).report;
     const GrainReport hit = traced(scene, scene.worn(id), one_hit).report;
     EXPECT_GT(hit.worn_hits, 1000U);
@@ -171,8 +171,8 @@ TEST(Grains, EmptySpaceChangesNothing) {
         const char* name;
         double drag, gravity, ground; // ground below 0: none
         bool sand;
-        double reach, least_saved; // m; share of the rays
-        uint32_t most_segments = 1 << 16;
+        double reach, min_saved; // m; share of the rays
+        uint32_t max_segments = 1 << 16;
     };
     for (const Case c : {Case{"parabolas", 0.0, 9.81, -1.0, false, infinity, 0.1},
                          Case{"parabolas in a small box", 0.0, 9.81, -1.0, false, 0.2, 0.0},
@@ -191,7 +191,7 @@ TEST(Grains, EmptySpaceChangesNothing) {
         scene.commit();
         GrainSettings s;
         s.paths = 20000, s.spread = 0.2, s.height = 0.3, s.drag_time = c.drag, s.gravity = c.gravity;
-        s.reach = c.reach, s.most_segments = c.most_segments;
+        s.reach = c.reach, s.max_segments = c.max_segments;
         if (c.ground >= 0.0) s.ground = c.ground;
         if (c.sand) s.sand = std::span(&plate, 1);
         GrainHooks every;
@@ -206,7 +206,7 @@ TEST(Grains, EmptySpaceChangesNothing) {
         EXPECT_EQ(few.report.ended, all.report.ended) << c.name;
         EXPECT_EQ(few.report.sand_hits, all.report.sand_hits) << c.name;
         EXPECT_EQ(few.report.given_up, all.report.given_up) << c.name;
-        EXPECT_LT(double(few.report.rays), (1.0 - c.least_saved) * double(all.report.rays)) << c.name;
+        EXPECT_LT(double(few.report.rays), (1.0 - c.min_saved) * double(all.report.rays)) << c.name;
     }
 }
 
@@ -247,10 +247,10 @@ TEST(Grains, SlowGrainsHighUpArriveAndHit) {
     GrainSettings s;
     s.paths = 200, s.height = 10.0, s.bed_speed = 0.0, s.speed = 0.01, s.path_error = 1e-12;
     expect_accounts(traced(scene, scene.worn(id), s).report); // no endless loop
-    s.paths = 2000, s.height = 100.0, s.bed_speed = s.speed = 0.001, s.most_hits = 1;
+    s.paths = 2000, s.height = 100.0, s.bed_speed = s.speed = 0.001, s.max_hits = 1;
     uint64_t below[2];
     for (const bool fine : {false, true}) {
-        s.path_error = fine ? 1e-9 : 0.0, s.most_segments = 1000000000;
+        s.path_error = fine ? 1e-9 : 0.0, s.max_segments = 1000000000;
         below[fine ? 1 : 0] = traced(scene, scene.worn(id), s).report.left[size_t(GrainSide::below)];
     }
     EXPECT_LE(below[1], below[0] + 2); // none falls through the plate

@@ -146,14 +146,14 @@ TEST(LevelSet, HalfTheVoxelSizeIsTheSameSurface) {
     LevelSet ball = level_set_of(rock_sphere({0.3, 0.0, 0.1}, 1.0, 90), 0.1);
     LevelSet fine = ball.refined(0.0), grown = ball.refined(0.05);
     EXPECT_DOUBLE_EQ(fine.voxel(), 0.05);
-    double most = 0.0, most_grown = 0.0;
+    double most = 0.0, max_grown = 0.0;
     for (size_t v = 0; v < fine.mesh().vertex_count(); ++v)
         most = std::max(most, std::abs((vertex_of(fine.mesh(), v) - Vec3d(0.3, 0.0, 0.1)).norm() - 1.0));
     for (size_t v = 0; v < grown.mesh().vertex_count(); ++v)
-        most_grown =
-            std::max(most_grown, std::abs((vertex_of(grown.mesh(), v) - Vec3d(0.3, 0.0, 0.1)).norm() - 1.05));
+        max_grown =
+            std::max(max_grown, std::abs((vertex_of(grown.mesh(), v) - Vec3d(0.3, 0.0, 0.1)).norm() - 1.05));
     EXPECT_LT(most, 0.004);
-    EXPECT_LT(most_grown, 0.005);
+    EXPECT_LT(max_grown, 0.005);
 }
 
 TEST(LevelSet, KeepsWhatIsRockInBoth) {

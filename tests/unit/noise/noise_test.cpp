@@ -41,7 +41,7 @@ Wide3f at(const FractalNoise& noise, double x, double y, double z, bool four = f
 struct Kind {
     NoiseType type;
     const char* name;
-    double least, greatest, least_4d, greatest_4d, rms_4d, correlation,
+    double least, greatest, min_4d, max_4d, rms_4d, correlation,
         correlation_4d; // bounds stated in noise.h
 };
 constexpr Kind kinds[] = {
@@ -127,8 +127,8 @@ TEST(Noise, RangeMeanRmsAndIndependence) {
                     EXPECT_NEAR(m.rms[axis], rms_stated, 0.003);
                     EXPECT_NEAR(m.correlation[axis], four ? kind.correlation_4d : kind.correlation, 0.01);
                 }
-                EXPECT_GE(m.least, four ? kind.least_4d : kind.least);
-                EXPECT_LE(m.greatest, four ? kind.greatest_4d : kind.greatest);
+                EXPECT_GE(m.least, four ? kind.min_4d : kind.least);
+                EXPECT_LE(m.greatest, four ? kind.max_4d : kind.greatest);
                 EXPECT_GT(m.greatest, 0.7);
             }
         }
@@ -223,7 +223,7 @@ TEST(Noise, ExtremesStayInRange) {
                         FractalNoise noise{kind.type, frequency, 16, 16.0, 1.0, 0xffffffffU};
                         const Wide3f v = at(noise, x, -0.7 * x, w, four, w);
                         for (int axis = 0; axis < 3; ++axis) // sixteen octaves at full strength: 16 / sqrt 16
-                            EXPECT_LE(std::abs(component(v, axis, 0)), 4.0 * kind.greatest_4d)
+                            EXPECT_LE(std::abs(component(v, axis, 0)), 4.0 * kind.max_4d)
                                 << kind.name << " " << x << " " << w << " " << frequency;
                     }
 }

@@ -581,7 +581,7 @@ TEST_F(MeshFiles, MutationsNeverDoWorseThanAnInputError) {
 // Ten times the lines: 10 times the time if it is linear, 100 times if a step is quadratic. Each time is the
 // least of three, for whatever else runs only adds.
 TEST_F(MeshFiles, LongFilesTakeLinearTime) {
-    const auto least_seconds = [&](int vertices) {
+    const auto min_seconds = [&](int vertices) {
         std::ostringstream text;
         for (int i = 0; i < vertices; ++i) text << "v " << i << " " << i % 7 << " 0\n";
         for (int i = 1; i + 2 < vertices; ++i) text << "f " << i << " " << i + 1 << " " << i + 2 << "\n";
@@ -593,7 +593,7 @@ TEST_F(MeshFiles, LongFilesTakeLinearTime) {
         }
         return least;
     };
-    const double few = least_seconds(10000), many = least_seconds(100000);
+    const double few = min_seconds(10000), many = min_seconds(100000);
     std::printf("%.3f s and %.3f s: %.1f times\n", few, many, many / few);
     EXPECT_LT(many / few, 32.0);
 }

@@ -197,7 +197,7 @@ double as_given(double number) { return static_cast<double>(static_cast<float>(n
 
 void compare_attenuation(const std::vector<double>& iors, const std::vector<double>& thetas,
                          std::array<double, order_count>& worst,
-                         std::array<double, order_count>& worst_polarised, double& most_residual) {
+                         std::array<double, order_count>& worst_polarised, double& max_residual) {
     const std::array<Vec3f, 2> sigmas = {Vec3f(0.0F, 0.1F, 0.3F), Vec3f(0.8F, 1.5F, 3.0F)};
     for (const double ior : iors)
         for (const double h : offsets)
@@ -213,7 +213,7 @@ void compare_attenuation(const std::vector<double>& iors, const std::vector<doub
                             worst_polarised[p] =
                                 std::max(worst_polarised[p], std::abs(model - traced.polarised[p]));
                         }
-                        most_residual = std::max(most_residual, traced.unpolarised[order_count - 1]);
+                        max_residual = std::max(max_residual, traced.unpolarised[order_count - 1]);
                     }
                 }
 }

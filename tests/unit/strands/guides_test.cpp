@@ -70,7 +70,7 @@ std::vector<Vec3d> child(const GuideSet& set, const Vec3d& root, int cvs) {
     const auto guides = set.resampled(cvs);
     std::vector<Vec3d> points(size_t(cvs), Vec3d::Zero());
     for (size_t k = 0; k < size_t(cvs); ++k)
-        for (int i = 0; i < most_blended; ++i)
+        for (int i = 0; i < max_blended; ++i)
             points[k] += double(blend.weight[i]) * (*guides)[blend.guide[i] * size_t(cvs) + k].cast<double>();
     return points;
 }
@@ -121,15 +121,15 @@ TEST(Guides, DoNotCrossAPartingThatTwoSidesOfGuidesMake) {
     Guides guides = lattice(8, [](const Vec3d& p) { return Vec3d(p.x() < 0.5 ? -1.0 : 1.0, 0.3, 0.0); });
     const auto parted = guides.set(mesh, settings_of(3, 60.0 * degree)),
                blended = guides.set(mesh, settings_of(3));
-    double least = 1.0, least_blended = 1.0;
+    double least = 1.0, min_blended = 1.0;
     for (int i = 0; i < 2000; ++i) {
         const Vec3d root(0.3 + 0.4 * (i + 0.5) / 2000.0, 0.0, 0.37);
         const double side = root.x() < 0.5 ? -1.0 : 1.0;
         least = std::min(least, side * child(*parted, root, 5).back().x());
-        least_blended = std::min(least_blended, side * child(*blended, root, 5).back().x());
+        min_blended = std::min(min_blended, side * child(*blended, root, 5).back().x());
     }
     EXPECT_GT(least, 0.28) << "m, as far as the guides themselves reach to their side";
-    EXPECT_LT(least_blended, 0.15) << "without: they stand up in the middle";
+    EXPECT_LT(min_blended, 0.15) << "without: they stand up in the middle";
 }
 
 TEST(Guides, DoNotCrossADrawnParting) {

@@ -362,7 +362,7 @@ TEST(Strands, DoNotJumpOnASkinThatDoesNot) {
     const CurveLayout layout = scene.geometry.curves[0].layout();
     scene.settings.trace_curves = false;
     std::vector<float> before;
-    double most_tip = 0.0, most_skin = 0.0;
+    double max_tip = 0.0, max_skin = 0.0;
     std::vector<Vec3f> skin_before;
     for (int i = 0; i < 400; ++i) {
         scene.settings.frame = 60.0 + 0.1 * i;
@@ -371,18 +371,18 @@ TEST(Strands, DoNotJumpOnASkinThatDoesNot) {
         const std::vector<Vec3f> skin = tube.positions_at(scene.settings.frame);
         for (size_t c = 0; i > 0 && c < 300; ++c) {
             const size_t tip = 4 * (layout.first_vertex(c) + layout.cvs(c));
-            most_tip = std::max(most_tip, std::hypot(double(now[tip] - before[tip]),
-                                                     double(now[tip + 1] - before[tip + 1]),
-                                                     double(now[tip + 2] - before[tip + 2])));
+            max_tip = std::max(max_tip, std::hypot(double(now[tip] - before[tip]),
+                                                   double(now[tip + 1] - before[tip + 1]),
+                                                   double(now[tip + 2] - before[tip + 2])));
         }
         for (size_t v = 0; i > 0 && v < skin.size(); ++v)
-            most_skin = std::max(most_skin, double((skin[v] - skin_before[v]).norm()));
+            max_skin = std::max(max_skin, double((skin[v] - skin_before[v]).norm()));
         before.assign(now, now + 4 * layout.vertex_count());
         skin_before = skin;
     }
     // A rod of 0.3 m on a rotating tube of 0.2 m: less than 2.5 times as far; twice that is no jump.
-    EXPECT_LT(most_tip, 5.0 * most_skin);
-    EXPECT_GT(most_tip, 0.0);
+    EXPECT_LT(max_tip, 5.0 * max_skin);
+    EXPECT_GT(max_tip, 0.0);
 }
 
 // ---- Curves with their own animation

@@ -218,7 +218,7 @@ TEST(Lattice, FoldsAreFoundWhereTheyAre) {
             }
         if (!fold) {
             ++free;
-            ASSERT_GT(lowest, LatticeMap::least_jacobian) << seed;
+            ASSERT_GT(lowest, LatticeMap::min_jacobian) << seed;
         } else {
             ++folded;
             // Samples a twelfth of a cell apart may miss the minimum slightly.
@@ -456,7 +456,7 @@ TEST(Lattice, RefusesAFoldAndNamesItsCell) {
         for (double v = 0.0; v <= 1.0; v += 0.05)
             lowest = std::min(lowest, map.jacobian(net.origin + (fold->i + u) * net.along_row +
                                                    (fold->j + v) * net.across_rows));
-    EXPECT_LE(lowest, LatticeMap::least_jacobian);
+    EXPECT_LE(lowest, LatticeMap::min_jacobian);
 }
 
 TEST(Lattice, Speed) {

@@ -257,7 +257,7 @@ TEST(Obstacle, WallsKeepSandOut) {
             EXPECT_EQ(sand, blown());
         }
         EXPECT_GE(*std::min_element(sand.begin(), sand.end()), 0);
-        double court = 0.0, front = 0.0, lee = infinity, most_court = 0.0;
+        double court = 0.0, front = 0.0, lee = infinity, max_court = 0.0;
         int count = 0;
         for (int j = 0; j < 80; ++j)
             for (int i = 0; i < 80; ++i) {
@@ -266,12 +266,12 @@ TEST(Obstacle, WallsKeepSandOut) {
                              v = std::cos(turn) * z - std::sin(turn) * x;
                 const double depth = sand_metres(sand[field.domain.index(i, j)]);
                 if (std::max(std::abs(u), std::abs(v)) < 3.5)
-                    court += depth, ++count, most_court = std::max(most_court, depth);
+                    court += depth, ++count, max_court = std::max(max_court, depth);
                 if (std::abs(v) < 3.0 && u > -18.0 && u < -6.5) front = std::max(front, depth);
                 if (std::abs(v) < 3.0 && u > 7.0) lee = std::min(lee, depth);
             }
         std::printf("turn %.1f: court %.4f m (most %.4f), in front %.3f m, least in the lee %.3f m\n", turn,
-                    court / count, most_court, front, lee);
+                    court / count, max_court, front, lee);
         EXPECT_NEAR(court / count, 0.3, 0.003);
         EXPECT_GT(front, 0.4);
         EXPECT_LT(lee, 0.2);

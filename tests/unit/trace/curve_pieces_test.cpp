@@ -104,7 +104,7 @@ TEST(CurvePieces, AreAsFewAsTheLimitAllows) {
     const auto chosen = [&](double tolerance, double pixel_angle) {
         ChordErrors errors{};
         add_chord_errors(curves, {tolerance, pixel_angle, Vec3d(0.0, 0.0, 10.0)}, errors);
-        return fewest_pieces(max_errors(errors, ChordErrors{}), most_pieces);
+        return min_pieces(max_errors(errors, ChordErrors{}), most_pieces);
     };
     // 1.2 radians over 5 segments of 0.24: one piece is off by 0.24^2 / 8 = 0.0072 m.
     EXPECT_EQ(chosen(0.0150, 1.0), 1U);
@@ -117,8 +117,8 @@ TEST(CurvePieces, AreAsFewAsTheLimitAllows) {
     EXPECT_EQ(chosen(1.0, 4.0 * 0.0073 / 10.0), 1U); // a quarter of a pixel 10 m away
     EXPECT_EQ(chosen(1.0, 4.0 * 0.0060 / 10.0), 2U);
     const ChordErrors three{2.0, 1.5, 0.9, 0.5};
-    EXPECT_EQ(fewest_pieces(three, 2), 0U);
-    EXPECT_EQ(fewest_pieces(three, 4), 3U);
+    EXPECT_EQ(min_pieces(three, 2), 0U);
+    EXPECT_EQ(min_pieces(three, 4), 3U);
 }
 
 std::string furred(const std::string& shape, const std::string& basis) {

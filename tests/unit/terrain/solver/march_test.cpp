@@ -17,7 +17,7 @@ struct Marched {
 };
 
 // Random fields on periodic ground, all moved by `shift` columns.
-Marched march(int rows, int columns, double most_turn, int shift) {
+Marched march(int rows, int columns, double max_turn, int shift) {
     const auto pitch = size_t(columns + 8) / 8 * 8;
     WideVector<float> flux(pitch * size_t(rows) + 8), relax(flux.size()), turn(flux.size()),
         reach(flux.size());
@@ -30,7 +30,7 @@ Marched march(int rows, int columns, double most_turn, int shift) {
             const uint64_t key = hash(uint64_t(a), uint64_t(b));
             flux[at] = float(unit_double(hash(key, 2)));
             relax[at] = float(0.1 + 0.5 * unit_double(hash(key, 3)));
-            turn[at] = float(most_turn * (2.0 * unit_double(hash(key, 4)) - 1.0));
+            turn[at] = float(max_turn * (2.0 * unit_double(hash(key, 4)) - 1.0));
             reach[at] = float(0.25 * unit_double(hash(key, 5)));
             sand[at] = key % 3 == 0 ? 0.0 : std::floor(3e8 * unit_double(hash(key, 6)));
         }
@@ -38,7 +38,7 @@ Marched march(int rows, int columns, double most_turn, int shift) {
     const SaturationFields air = {flux.data(), relax.data(), turn.data(), reach.data()};
     const DownwindGrid course = {rows, columns, true, 1.0, false, 0.5};
     March::Input input;
-    input.air = &air, input.sand = sand.data(), input.scale = 1e9, input.turn = most_turn;
+    input.air = &air, input.sand = sand.data(), input.scale = 1e9, input.turn = max_turn;
     March marcher;
     marcher.run(course, DuneBorder::periodic, input, pitch, front.data(), out.data());
     Marched result;

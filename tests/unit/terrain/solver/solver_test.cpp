@@ -337,8 +337,8 @@ TEST(DuneSolver, AHeapBecomesABarchan) {
 struct Airborne {
     double of_all = 0.0, of_carried = 0.0;
 };
-Airborne most_airborne(const Domain& domain, const std::vector<SandUnits>& sand, const WindHistory& wind,
-                       double seconds, double longest = infinity) {
+Airborne max_airborne(const Domain& domain, const std::vector<SandUnits>& sand, const WindHistory& wind,
+                      double seconds, double longest = infinity) {
     const std::vector<float> rock(domain.count(), 0.0F);
     const SandPhysics physics;
     DuneSolver solver(domain, {}, rock.data(), sand.data());
@@ -375,7 +375,7 @@ TEST(DuneSolver, NoSandIsMadeAtThePeriodicBorder) {
     for (const double above : {2.8e-3, 1.6e-4, 2.5e-6, 6e-7}) {
         const SandWind weak{1.0, 0.0, threshold * (1.0 + above)}, strong{1.0, 0.0, 2.37 * threshold};
         EXPECT_LT(
-            most_airborne(metres, waves, wind_sequence({{weak, day}, {strong, day}, {weak, day}}), 4.0 * day)
+            max_airborne(metres, waves, wind_sequence({{weak, day}, {strong, day}, {weak, day}}), 4.0 * day)
                 .of_all,
             2e-5)
             << above;
@@ -385,17 +385,17 @@ TEST(DuneSolver, NoSandIsMadeAtThePeriodicBorder) {
     chaos.spread = 20.0 * degree, chaos.mean = 1.18 * threshold, chaos.seconds = 3.0 * seconds_per_hour;
     for (const uint64_t seed : {1, 2, 3}) {
         chaos.seed = seed;
-        EXPECT_LT(most_airborne(metres, waves, chaotic_wind(chaos), 20.0 * day).of_all, 5e-4) << seed;
+        EXPECT_LT(max_airborne(metres, waves, chaotic_wind(chaos), 20.0 * day).of_all, 5e-4) << seed;
     }
     // Domains much shorter than the saturation length, whose outflow remembers the inflow: on a slope, and in
     // a calm after a strong wind. It was 0.7 times all sand.
     const auto slope = [](double x, double z) { return 1.0 + 1e-4 * (x + z); };
     const Domain millimetres{32, 32, 1e-3, 0.0, 0.0}, centimetres{32, 32, 0.01, 0.0, 0.0};
     EXPECT_LT(
-        most_airborne(millimetres, sand_of(millimetres, slope), steady_wind({1.0, 0.0, 0.391}), 1.6).of_all,
+        max_airborne(millimetres, sand_of(millimetres, slope), steady_wind({1.0, 0.0, 0.391}), 1.6).of_all,
         2e-5);
-    EXPECT_LT(most_airborne(centimetres, sand_of(centimetres, slope),
-                            wind_sequence({{{1.0, 0.0, 0.434}, 60.0}, {{1.0, 0.0, 0.13}, day}}), 2.0 * day)
+    EXPECT_LT(max_airborne(centimetres, sand_of(centimetres, slope),
+                           wind_sequence({{{1.0, 0.0, 0.434}, 60.0}, {{1.0, 0.0, 0.13}, day}}), 2.0 * day)
                   .of_all,
               2e-5);
     // A heap on rock, in a wind off the grid: what reaches a column of bare rock after some round trips.
@@ -408,11 +408,10 @@ TEST(DuneSolver, NoSandIsMadeAtThePeriodicBorder) {
         return SandWind{std::cos(degrees * degree), std::sin(degrees * degree), shear};
     };
     const SandWind wind = towards(20.3, 0.39), calm = towards(20.3, 0.1), other = towards(110.3, 0.39);
-    EXPECT_LT(most_airborne(metres, heap, wind_sequence({{wind, 100.0}, {calm, 100.0}}), 4e4).of_carried,
+    EXPECT_LT(max_airborne(metres, heap, wind_sequence({{wind, 100.0}, {calm, 100.0}}), 4e4).of_carried, 1.0);
+    EXPECT_LT(max_airborne(metres, heap, wind_sequence({{wind, 100.0}, {other, 100.0}}), 4e4).of_carried,
               1.0);
-    EXPECT_LT(most_airborne(metres, heap, wind_sequence({{wind, 100.0}, {other, 100.0}}), 4e4).of_carried,
-              1.0);
-    EXPECT_LT(most_airborne(metres, heap, steady_wind(wind), 900.0, 0.3).of_carried, 1.0);
+    EXPECT_LT(max_airborne(metres, heap, steady_wind(wind), 900.0, 0.3).of_carried, 1.0);
 }
 
 } // namespace

@@ -5,8 +5,8 @@
 // and add it to the list below.
 #include "procedural/abi/entry_points.h"
 #include "procedural/erosion/rock_instance.h"
-#include "procedural/strands/groom_instance.h"
-#include "procedural/strands/imported_instance.h"
+#include "procedural/strands/grown/groom_instance.h"
+#include "procedural/strands/imported/imported_instance.h"
 #include "procedural/terrain/terrain_instance.h"
 #include "procedural/wind/wind.h"
 

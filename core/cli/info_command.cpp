@@ -4,8 +4,8 @@
 #include "core/cli/output.h"
 #include "core/manual/scene_reference.h"
 #include "core/shot/file_summary.h"
-#include "core/shot/scene_keys.h"
-#include "core/shot/scene_summary.h"
+#include "core/shot/scene/scene_keys.h"
+#include "core/shot/scene/scene_summary.h"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>

@@ -12,8 +12,8 @@
 #include "core/math/frame_name.h"
 #include "core/shot/film_state.h"
 #include "core/shot/frame.h"
-#include "core/shot/material_checks.h"
 #include "core/shot/picture_file.h"
+#include "core/shot/scene/material_checks.h"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>

@@ -9,7 +9,7 @@
 #include "core/math/clock.h"
 #include "core/math/median.h"
 #include "core/measure/errors.h"
-#include "core/shot/scene_camera.h"
+#include "core/shot/scene/scene_camera.h"
 #include "core/shot/settings.h"
 
 #include <fmt/format.h>

@@ -4,7 +4,7 @@
 #include "core/read/polylines.h"
 #include "core/read/strand_file.h"
 #include "core/read/strand_join.h"
-#include "core/read/usda_cvs.h"
+#include "core/read/usda/usda_cvs.h"
 
 #include <fmt/format.h>
 

@@ -5,9 +5,9 @@
 #include "core/math/frame_name.h"
 #include "core/math/hash.h"
 #include "core/shot/film_state.h"
-#include "core/shot/material_checks.h"
 #include "core/shot/picture_file.h"
-#include "core/shot/scene_camera.h"
+#include "core/shot/scene/material_checks.h"
+#include "core/shot/scene/scene_camera.h"
 #include "core/shot/settings.h"
 
 #include <fmt/format.h>

@@ -2,7 +2,7 @@
 #include "core/shot/settings.h"
 
 #include "core/math/hash.h"
-#include "core/shot/scene_camera.h"
+#include "core/shot/scene/scene_camera.h"
 
 #include <algorithm>
 #include <bit>

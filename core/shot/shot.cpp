@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/shot/shot.h"
-#include "core/shot/light_image.h"
-#include "core/shot/scene_camera.h"
-#include "core/shot/scene_meshes.h"
-#include "core/shot/texture.h"
+#include "core/shot/scene/light_image.h"
+#include "core/shot/scene/scene_camera.h"
+#include "core/shot/scene/scene_meshes.h"
+#include "core/shot/scene/texture.h"
 
 #include "core/host/geometry_graph.h"
 #include "core/math/udim.h"

@@ -3,9 +3,9 @@
 // the 99th percentile over these strands, times a safety factor of 1.25.
 #pragma once
 
-#include "procedural/strands/groom_settings.h"
-#include "procedural/strands/roots.h"
-#include "procedural/strands/strand_shape.h"
+#include "procedural/strands/grown/groom_settings.h"
+#include "procedural/strands/grown/roots.h"
+#include "procedural/strands/grown/strand_shape.h"
 #include "procedural/wind/chain.h"
 
 #include <functional>

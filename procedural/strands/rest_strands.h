@@ -4,7 +4,7 @@
 // to the instance.
 #pragma once
 
-#include "procedural/strands/groom_instance.h"
+#include "procedural/strands/grown/groom_instance.h"
 
 #include <functional>
 

@@ -73,12 +73,7 @@ CollisionCounts report_chain(Workers& workers, const ReportSink& sink, size_t& s
         scratch += worker.strands.bytes() + worker.chain.past.bytes();
         for (const auto& pose : worker.chain.jiggled) scratch += pose.capacity() * sizeof(Wide3f);
     }
-    sink("thread_seconds.expand", sum.expand + sum.write);
-    sink("thread_seconds.gusts", sum.gusts);
-    sink("thread_seconds.shield", sum.shield);
-    sink("thread_seconds.jiggle", sum.jiggle);
-    sink("thread_seconds.bend", sum.bend);
-    sink("thread_seconds.collide", sum.collide);
+    for (const StageClock::Stage& stage : StageClock::stages()) sink(stage.path, sum.*stage.seconds);
     sink("collision.contacts", double(counts.contacts));
     sink("collision.pushed_out", double(counts.pushed_out));
     sink("collision.unresolved", double(counts.unresolved));

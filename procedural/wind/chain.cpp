@@ -8,15 +8,16 @@
 
 namespace marram {
 
-StageClock& StageClock::operator+=(const StageClock& other) {
-    expand += other.expand;
-    gusts += other.gusts;
-    shield += other.shield;
-    bend += other.bend;
-    jiggle += other.jiggle;
-    collide += other.collide;
-    write += other.write;
-    return *this;
+std::span<const StageClock::Stage> StageClock::stages() {
+    static constexpr Stage list[] = {
+        {&StageClock::expand, "thread_seconds.expand", "laying out strands and writing their CVs"},
+        {&StageClock::gusts, "thread_seconds.gusts", "gusts"},
+        {&StageClock::shield, "thread_seconds.shield", "shielding"},
+        {&StageClock::bend, "thread_seconds.bend", "bend"},
+        {&StageClock::jiggle, "thread_seconds.jiggle", "jiggle"},
+        {&StageClock::collide, "thread_seconds.collide", "collision"},
+    };
+    return list;
 }
 
 size_t ChainFrame::gust_bytes() const {

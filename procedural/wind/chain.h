@@ -3,8 +3,9 @@
 //
 //     gusts, shielding (both set the envelope) -> bend -> jiggle -> collision
 //
-// To add a stage: write a function on Strands in its own file, call it in run_chain, add its clock to
-// StageClock, and add its list of parameters to wind_params().
+// To add a stage: a function on Strands, with its settings and parameters, in files of its own; its settings
+// in Wind, and its parameters in wind.cpp, which reads them; its call in run_chain(); its member and its row
+// in StageClock, from which its statistics come.
 #pragma once
 
 #include "core/math/clock.h"
@@ -17,9 +18,18 @@ namespace marram {
 
 // Thread seconds spent in each stage.
 struct StageClock {
-    double expand = 0.0, gusts = 0.0, shield = 0.0, bend = 0.0, jiggle = 0.0, collide = 0.0, write = 0.0;
+    double expand = 0.0, gusts = 0.0, shield = 0.0, bend = 0.0, jiggle = 0.0, collide = 0.0;
 
-    StageClock& operator+=(const StageClock& other);
+    // How statistics name a stage.
+    struct Stage {
+        double StageClock::*seconds;
+        const char *path, *help;
+    };
+    static std::span<const Stage> stages();
+    StageClock& operator+=(const StageClock& other) {
+        for (const Stage& stage : stages()) this->*stage.seconds += other.*stage.seconds;
+        return *this;
+    }
 };
 
 // Data shared by all patches of a frame; made once a frame. Holds pointers to data of the caller.

@@ -2,7 +2,7 @@
 #include "tests/bench/product.h"
 
 #include "core/plugin/embree.h"
-#include "core/shot/scene_camera.h"
+#include "core/shot/scene/scene_camera.h"
 #include "core/shot/settings.h"
 #include "core/write/curve_export.h"
 #include "tests/bench/workload.h"

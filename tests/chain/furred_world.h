@@ -4,9 +4,9 @@
 #pragma once
 
 #include "core/geometry/mesh.h"
-#include "procedural/strands/groom_settings.h"
-#include "procedural/strands/roots.h"
-#include "procedural/strands/strand_shape.h"
+#include "procedural/strands/grown/groom_settings.h"
+#include "procedural/strands/grown/roots.h"
+#include "procedural/strands/grown/strand_shape.h"
 #include "procedural/wind/chain.h"
 
 #include <memory>

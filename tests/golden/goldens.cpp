@@ -3,7 +3,7 @@
 
 #include "core/compare/flip.h"
 #include "core/math/hash.h"
-#include "core/shot/scene_camera.h"
+#include "core/shot/scene/scene_camera.h"
 #include "core/shot/settings.h"
 
 #include <algorithm>

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // NaN and infinity anywhere in the input: the program reports the place, exits with 2 and writes nothing. The
 // parameters are queried from the procedural, so new ones are covered automatically.
-#include "procedural/strands/groom_settings.h"
+#include "procedural/strands/grown/groom_settings.h"
 #include "procedural/wind/wind.h"
 #include "tests/stability/table.h"
 #include "tests/unit/cli/program.h"

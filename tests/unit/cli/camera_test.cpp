@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Moving cameras: their pose at a frame, and how many poses the shutter needs.
-#include "core/shot/scene_camera.h"
+#include "core/shot/scene/scene_camera.h"
 #include "core/shot/shot.h"
 #include "tests/unit/cli/program.h"
 

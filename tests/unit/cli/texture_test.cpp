@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Images on surfaces: their averages, their orientation, and what is refused.
-#include "core/shot/texture.h"
+#include "core/shot/scene/texture.h"
 
 #include "core/math/udim.h"
 #include "tests/unit/cli/program.h"

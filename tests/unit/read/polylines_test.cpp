@@ -2,8 +2,8 @@
 // Curves from files: .obj, .ply of three kinds in three formats, .usda with every basis and wrap; and
 // truncated or inconsistent files.
 #include "core/read/polylines.h"
-#include "core/read/usda.h"
-#include "core/read/usda_curves.h"
+#include "core/read/usda/usda.h"
+#include "core/read/usda/usda_curves.h"
 #include "core/write/curve_export.h"
 
 #include <fmt/format.h>

@@ -4,8 +4,8 @@
 #include "core/geometry/cubic.h"
 #include "core/read/hair_format.h"
 #include "core/read/strand_file.h"
-#include "core/read/usda.h"
-#include "core/read/usda_curves.h"
+#include "core/read/usda/usda.h"
+#include "core/read/usda/usda_curves.h"
 #include "core/write/curve_export.h"
 
 #include <fmt/format.h>

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // Child strands interpolated from guides: equal to a guide at its root, continuous between guides, separated
 // at partings.
-#include "procedural/strands/guides.h"
+#include "procedural/strands/grown/guides.h"
 
-#include "procedural/strands/roots.h"
-#include "procedural/strands/strand_shape.h"
+#include "procedural/strands/grown/roots.h"
+#include "procedural/strands/grown/strand_shape.h"
 #include "tests/unit/strands/test_surfaces.h"
 
 #include <gtest/gtest.h>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "procedural/strands/roots.h"
+#include "procedural/strands/grown/roots.h"
 
 #include "tests/unit/strands/test_surfaces.h"
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "procedural/strands/strand_shape.h"
+#include "procedural/strands/grown/strand_shape.h"
 
-#include "procedural/strands/roots.h"
+#include "procedural/strands/grown/roots.h"
 #include "tests/unit/strands/test_surfaces.h"
 
 #include <gtest/gtest.h>

@@ -17,8 +17,8 @@
 
 namespace marram {
 
-// A bit of Embree masks, beside those of MarramRole: casts shadows on shadow catchers. These do not on each
-// other.
+// A bit of Embree masks, beside those of MarramRole: meshes that cast shadows on shadow catchers. Catchers do
+// not have it.
 inline constexpr uint32_t darkens_catchers = 1U << 16;
 
 // A mesh at the motion samples of the frame, in world space. Its geometry ID is its index in World::meshes.
@@ -85,8 +85,7 @@ struct World {
     std::vector<CurveGeometry> curves;
     double reach = 0.0; // largest length + radius of a round piece, m (round_pieces.h); 0: there are none
     Box3f bounds;       // of everything at every motion sample
-    std::vector<std::shared_ptr<RTCGeometryTy>>
-        curve_buffers; // buffers that `curves` points into, attached or not
+    std::vector<std::shared_ptr<RTCGeometryTy>> curve_buffers; // keeps what `curves` points into alive
 
     // The mesh that strands grow on and collide with.
     const MeshGeometry& growth_surface(uint32_t mesh) const {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The functions of core/plugin/marram_host.h for values by name, which core/scene reads and checks.
-// Setting a value takes microseconds, however many elements a list has; finishing takes that for each value.
-// Memory is the only error that is not one of the host: host.memory.
+// Setting a value takes microseconds, whatever the lengths of lists; finishing takes microseconds a value. All
+// errors are mistakes of the host, except host.memory.
 #include "core/host_values/declarations.h"
 #include "core/host_values/interface.h"
 #include "core/math/known_part.h"
@@ -221,8 +221,8 @@ struct MarramHostValues {
         erase_within(sizes, owner.element);
     }
 
-    // Stores the value that make(spec) returns. If there is none, and make() has not reported why, the
-    // complaint says that the value is `given`.
+    // Stores the value that make(spec) returns. If it returns none and has reported nothing, the complaint is
+    // "<name> is <given>".
     MarramStatus set(const std::string& name, std::string_view given, const MarramValue& parts, auto make) {
         forget_complaints(name);
         const Owner owner = owner_of(name);
@@ -309,7 +309,7 @@ struct MarramHostValues {
         out.place = value.place.file.c_str();
     }
 
-    // Runs a function of the interface. finish() reports an exception.
+    // Runs a function of the C interface. An exception sets no_memory, which marram_values_finish() reports.
     void guard(auto work) noexcept {
         guarded(work, [&] { no_memory = true; });
     }

@@ -11,11 +11,11 @@ struct MeshSides;
 struct MeshLoading {
     bool smooth = true; // of a file without any normals: vertex_normals(), else facets
     bool flip = false;  // turn the mesh over: what was inside is outside
-    // Of a mesh that deforms: its first shape. Its triangles are taken if this file has the same polygons,
-    // whichever way these are wound and divided.
+    // Of a mesh that deforms: its first shape, whose triangles are used again if this file has the same
+    // polygons, however these are wound and divided.
     const Mesh* first_shape = nullptr;
     MeshSides* sides = nullptr; // receives what settle_sides() found
-    // Receives a line for uvs and normals that faces of an OBJ refer to and that the file does not have.
+    // Receives a warning if faces of an OBJ refer to uvs or normals that the file does not have.
     std::vector<std::string>* warnings = nullptr;
 };
 

@@ -23,11 +23,11 @@ MarramStage stage_of(const std::string& name) {
     return name == "rest" ? MARRAM_REST : name == "bent" ? MARRAM_BENT : MARRAM_FINAL;
 }
 
-bool holds_strands(const std::string& extension) { return is_one_of(extension, strand_files); }
+bool holds_strands(const std::string& extension) { return is_one_of(extension, baked_strand_files); }
 bool holds_surfaces(const std::string& extension) {
-    return is_one_of(extension, surface_files) || extension == ".vdb";
+    return is_one_of(extension, baked_surface_files) || extension == ".vdb";
 }
-bool holds_grids(const std::string& extension) { return is_one_of(extension, grid_files); }
+bool holds_grids(const std::string& extension) { return is_one_of(extension, baked_grid_files); }
 bool holds_both(const std::string& extension) {
     return holds_strands(extension) && holds_surfaces(extension);
 }
@@ -98,13 +98,14 @@ void check_baked_formats(const BakeSettings& settings) {
             fmt::format(
                 "name it {} for strands, {} for the surface of a terrain or rock, .vdb for a rock as a "
                 "level set, {} for grids",
-                listed_files(strand_files), listed_files(surface_files), listed_files(grid_files)));
+                listed_files(baked_strand_files), listed_files(baked_surface_files),
+                listed_files(baked_grid_files)));
     if (settings.what == "terrain" && !holds_surfaces(extension) && !holds_grids(extension))
         throw InputError({"--what terrain"}, "'" + extension + "' holds strands only",
                          "bake a surface to .obj or .ply, heights to .exr, .tif or .png");
     if (settings.what == "strands" && !holds_strands(extension))
         throw InputError({"--what strands"}, "'" + extension + "' holds no strands",
-                         "bake strands to " + listed_files(strand_files));
+                         "bake strands to " + listed_files(baked_strand_files));
     if (settings.range && extension != ".png")
         throw InputError({"--range"}, "'" + extension + "' needs no range: it holds metres",
                          "leave it out, or bake heights to .png");
@@ -112,13 +113,13 @@ void check_baked_formats(const BakeSettings& settings) {
         throw InputError({"--range"},
                          fmt::format("{:g} is not below {:g}", settings.range->x(), settings.range->y()),
                          "give the heights that are black and white, the lower one first");
-    const std::string colliders = listed_files(collider_files);
-    if (!settings.colliders.empty() && !is_one_of(extension_of(settings.colliders), collider_files))
+    const std::string colliders = listed_files(baked_collider_files);
+    if (!settings.colliders.empty() && !is_one_of(extension_of(settings.colliders), baked_collider_files))
         throw InputError({settings.colliders}, "colliders are written as " + colliders,
                          "name the file " + colliders);
-    if (!settings.attributes.empty() && !is_one_of(extension, attribute_files))
+    if (!settings.attributes.empty() && !is_one_of(extension, baked_attribute_files))
         throw InputError({"--attributes"}, "'" + extension + "' holds no attributes",
-                         "bake strands to " + listed_files(attribute_files));
+                         "bake strands to " + listed_files(baked_attribute_files));
 }
 
 void check_baked_strands(const Shot& shot, const BakeSettings& settings) {

@@ -165,7 +165,7 @@ void write_curves(const std::string& path, std::span<const CurveGeometry> curves
     if (extension == ".ply") return write_curves_ply(path, curves);
     if (extension == ".obj") return write_curves_obj(path, curves);
     refuse(path, fmt::format("curves cannot be written as \"{}\"", extension),
-           "use " + listed_files(strand_files));
+           "use " + listed_files(baked_strand_files));
 }
 
 void write_colliders_obj(const std::string& path, std::span<const MeshGeometry> meshes) {

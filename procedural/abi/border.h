@@ -48,8 +48,8 @@ struct ReportSink {
 MarramStatus report_exception(const MarramHost& host, const std::string& subject, const char* less);
 
 // Runs the body of a call, its loops on the host's executor, and turns exceptions into messages to the
-// host. subject: e.g. "groom", for message ids and texts. less: the remedy if memory runs out. An error
-// without a message: there was no memory for it.
+// host. subject: e.g. "groom", for message ids and texts. less: the remedy if memory runs out. Returns
+// MARRAM_ERROR without a message if there is no memory for one.
 template <typename Body>
 MarramStatus guarded(const MarramHost& host, const char* subject, const char* less, Body&& body) noexcept {
     try {

@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The C entry points of a procedural, made from a class. What any procedural needs of the host is checked
-// here; what only one needs, such as a function that poses curves, it checks itself. The class throws
-// SceneFault with what is wrong, and Cancelled where the host has asked it to stop. No exception crosses the
-// C interface.
+// here; a class checks what only it needs, such as MarramFrame.pose_curves. It throws SceneFault with what is
+// wrong, and Cancelled where the host has asked it to stop. No exception crosses the C interface.
 //
 // The class derives from Instance and has the members
 //     static constexpr const char *name, *help;  // `name`: the type in scene files
@@ -226,7 +225,7 @@ class EntryPoints {
         });
     }
 
-    // Statistics that cannot be made are not worth a failure: its message is enough.
+    // A report that fails sends its message, and nothing else.
     static void report(MarramInstance* opaque, void (*sink)(void*, const char*, double), void* user) {
         if (!sink) return;
         call(opaque, [&](P& instance) {

@@ -2,7 +2,7 @@
 // Declarations of parameters, a function for each type: param::number("width", "m", "0.01", 0, 1, "diameter").
 //
 // initial: the default, in TOML as in a scene file; "": must be given; "none": may be absent. Numbers have
-// bounds, both allowed. sweep, sweep_time: what `marram measure` tries (MarramParam).
+// bounds, inclusive. sweep, sweep_time: what `marram measure` tries (MarramParam).
 #pragma once
 
 #include "core/plugin/marram_plugin.h"

@@ -4,8 +4,8 @@
 //     gusts, shielding (both set the envelope) -> bend -> jiggle -> collision
 //
 // To add a stage: a function on Strands, with its settings and parameters, in files of its own; its settings
-// in Wind, and its parameters in wind.cpp, which reads them; its call in run_chain(); its member and its row
-// in StageClock, from which its statistics come.
+// in Wind, and its parameters in wind.cpp, which reads them; its call in run_chain(), or in bend_at() if jiggle
+// needs it in the past, too; its member and its row in StageClock, from which its statistics come.
 #pragma once
 
 #include "core/math/clock.h"

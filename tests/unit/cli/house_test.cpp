@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The project's rules: which module includes which, what belongs where, and what the plug-in exports.
 #include "core/render/lights/lights.h"
+#include "core/scene/suggest.h"
 #include "program.h"
 #include "shaders/shader.h"
 
@@ -140,6 +141,29 @@ TEST(House, IncludesOnlyWhatTheDesignAllows) {
             EXPECT_TRUE(fs::exists(source / included)) << file << " includes " << match[1];
         }
     }
+}
+
+// The tables of modules in core/README.md and procedural/README.md: "| `read` | what is in it | math, image |".
+TEST(House, ReadmesListTheIncludeRules) {
+    static const std::regex row("\\| `(\\w+)` \\| .* \\| ([^|]*) \\|");
+    size_t listed = 0;
+    for (const std::string folder : {"core", "procedural"})
+        for (const std::string& line : lines(read_file(source / folder / "README.md"))) {
+            std::smatch match;
+            const bool is_row = std::regex_match(line, match, row);
+            const auto rule = is_row ? rules.find(folder + "/" + match[1].str()) : rules.end();
+            if (rule == rules.end()) continue;
+            std::set<std::string> written;
+            for (const std::string& name : split(match[2].str(), ','))
+                if (const std::string module = name.substr(name.find_first_not_of(' ')); module != "-")
+                    written.insert(module);
+            std::set<std::string> enforced;
+            for (const std::string& module : rule->second)
+                enforced.insert(module.substr(module.find_last_of('/') + 1));
+            EXPECT_EQ(written, enforced) << folder << "/" << match[1];
+            ++listed;
+        }
+    EXPECT_EQ(listed + 2, rules.size()) << "shaders and procedural have no row";
 }
 
 // The host may bring its own executor: procedural/abi/parallel.h chooses between it and TBB.

@@ -3,7 +3,7 @@
 // prints it). Cameras, films, lights, shaders, meshes and, through the plug-in contract, procedurals declare
 // their parameters this way.
 //
-// To add a parameter: add one ParamSpec to the owner's list and read it by name. Nothing else is needed.
+// To add a parameter: add one ParamSpec to the owner's list and read it by name.
 #pragma once
 
 #include "core/math/problem.h"

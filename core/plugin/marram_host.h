@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * For hosts: makes the values of a procedural from its declared defaults and from values that the host sets
- * by name. C99 and C++20; link libmarram_host, which reads them as marram reads a scene file. The same is
- * valid and invalid: names, types, ranges, choices, ramps, keys, lists.
+ * by name. C99 and C++20; link libmarram_host, which accepts and refuses what marram does in a scene file:
+ * names, types, ranges, choices, ramps, keys, lists.
  *
  *   MarramProcedural groom;
  *   if (marram_find_procedural(library, "groom", &host, &groom) != MARRAM_OK) return 1;
@@ -53,7 +53,7 @@ MARRAM_HOST_API MarramStatus marram_load_procedural_for(uint32_t embree_major, c
                                                         const char* name, const MarramHost* host,
                                                         MarramProcedural* out, size_t size);
 
-/* Copies a procedural of a library, as far as this version of the contract knows its fields. On failure
+/* Copies a procedural of a library: the fields that this version of the contract knows. On failure
  * reports the reason through host->message: another ABI or Embree, no such name, an unknown parameter type, a
  * missing function. */
 static inline MarramStatus marram_find_procedural(const MarramLibrary* library, const char* name,
@@ -81,7 +81,8 @@ static inline MarramHostValues* marram_values_new(const MarramProcedural* type) 
 }
 MARRAM_HOST_API void marram_values_free(MarramHostValues* values); /* NULL: does nothing */
 
-/* The MarramValue.place of values set from now on, with which messages about them begin. Initially "". */
+/* Sets the MarramValue.place of values that are set from now on: messages about them begin with it.
+ * Initially "". */
 MARRAM_HOST_API void marram_values_place(MarramHostValues* values, const char* place);
 
 /* The functions below return MARRAM_ERROR if the value is wrong. marram_values_finish() reports why. */
@@ -112,8 +113,8 @@ MARRAM_HOST_API MarramStatus marram_set_grid(MarramHostValues* values, const cha
 MARRAM_HOST_API MarramStatus marram_set_curves_for(MarramHostValues* values, const char* name,
                                                    const char* curves, const MarramAttribute* attributes,
                                                    uint32_t attribute_count, size_t size);
-/* The name of curves, and the attributes that they have, without values: strands made from these curves have
- * them, too. Not copied: see marram_set_grid(). */
+/* The name of curves, and the declarations (without values) of their attributes, which strands made from
+ * these curves have, too. Not copied: see marram_set_grid(). */
 static inline MarramStatus marram_set_curves(MarramHostValues* values, const char* name, const char* curves,
                                              const MarramAttribute* attributes, uint32_t attribute_count) {
     return marram_set_curves_for(values, name, curves, attributes, attribute_count, sizeof *attributes);
@@ -143,9 +144,8 @@ static inline int marram_never_cancelled(void* user) {
     return 0;
 }
 
-/* A frame with the defaults of a marram scene, at the first of its motion samples: 24 frames a second,
- * strands bound at frame 1, the whole chain, a tolerance of 1 mm. `times` is not copied. Set device,
- * colliders, meshes and pose. */
+/* A frame with the defaults of a marram scene, at times[0]: 24 frames a second, strands bound at frame 1, the
+ * whole chain, a tolerance of 1 mm. `times` is not copied. Set device, colliders, meshes and pose. */
 static inline MarramFrame marram_default_frame(const double* times, uint32_t time_count) {
     MarramFrame frame;
     memset(&frame, 0, sizeof frame);

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Shared by the readers of mesh files and curve files only.
+// Shared by the readers of files: bytes, polygons, and what reads each mesh format.
 //
-// To add a mesh format, declare its read_<format>() here, implement it in its own file, and name its
-// extension in load_mesh().
+// To add a mesh format, declare its read_<format>() here, implement it in its own file, and call it in
+// load_mesh() for its extension (core/math/file_types.h).
 #pragma once
 
 #include "core/geometry/mesh.h"

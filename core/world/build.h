@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Builds the world of one frame. Procedurals run in dependency order. Each gets the geometry that it names
-// (curves: also all meshes that collide or shelter) and a collider scene of the meshes that it traces; equal sets of meshes share one collider scene.
-// Procedurals of kind mesh add meshes. Procedurals of kind curves write their CVs, patch by patch, directly
-// into Embree's buffers. The world scene holds the same mesh geometries (or the render meshes that replace
-// them) and the curves.
+// (curves: also all meshes that collide or shelter) and a collider scene of the meshes that it traces, shared
+// by all that trace the same meshes. Procedurals of kind mesh add meshes. Procedurals of kind curves write
+// their CVs, patch by patch, directly into Embree's buffers. The world scene holds the same mesh geometries
+// (or the render meshes that replace them) and the curves.
 #pragma once
 
 #include "core/geometry/motion_keys.h"
@@ -50,8 +50,8 @@ struct BuildSettings {
     double bind_frame = 1.0;
     Vec2d shot_frames = Vec2d::Zero(); // first and last frame of the shot; equal: not known
     MarramStage stage = MARRAM_FINAL;
-    // Metres: at view.reference_depth, or anywhere if that is 0. 0: the default of each procedural (strands:
-    // a thousandth of their length).
+    // In metres, at view.reference_depth if that is not 0. 0: the default of each procedural (strands: a
+    // thousandth of their length).
     double tolerance = 0.0;
     View view;
     std::optional<CameraSamples> camera; // none: growth surfaces are rendered

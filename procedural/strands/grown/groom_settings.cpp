@@ -40,6 +40,8 @@
 namespace marram {
 namespace {
 
+// A new one also needs a member of Groom, which read_groom() sets; if roots depend on it, its name in
+// roots_digest(), or update() keeps old ones (tests/unit/host/update_test.cpp tries each).
 constexpr std::array groom_values = {
     param::mesh("on", "", "each",
                 "mesh that the strands grow on; a list makes one groom per mesh, with the same parameters"),
@@ -449,9 +451,9 @@ uint64_t roots_digest(const Values& values) {
                 .add(grid->values, size_t(grid->nx) * grid->ny * grid->components * sizeof(float));
     };
     for (const char* name :
-         {"on", "density", "count", "density_mask", "density_by_height", "density_by_slope", "spacing",
-          "seed", "guides.curves", "guides.blend", "guides.parting", "guides.parting_lines", "guides.length",
-          "guides.reach", "guides.wind"})
+         {"on", "density", "count", "density_mask", "density_by_height", "density_by_slope", "image_wrap",
+          "spacing", "seed", "guides.curves", "guides.blend", "guides.parting", "guides.parting_lines",
+          "guides.length", "guides.reach", "guides.wind"})
         if (const MarramValue* value = values.find(name)) add(*value);
     const auto add_factors = [&](const std::string& list) {
         for (size_t i = 0; values.has(list + "[" + std::to_string(i) + "].ramp"); ++i)

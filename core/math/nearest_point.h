@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The point of a triangle that is nearest to another point.
+// The point of a segment or a triangle that is nearest to another point. Error: a few roundings of the longest
+// edge.
 #pragma once
 
 #include "core/math/vec.h"
@@ -10,6 +11,7 @@
 
 namespace marram {
 
+// The closest point to q on the segment from a to b; if it has no length, a.
 inline Vec3d nearest_point(const Vec3d& a, const Vec3d& b, const Vec3d& q) {
     const Vec3d e = b - a;
     const double ee = e.squaredNorm();

@@ -10,9 +10,9 @@
 namespace marram::param {
 
 // Of types without numbers.
-constexpr MarramParam not_a_number(const char* name, MarramParamType type, const char* initial,
-                                   const char* choices, const char* help, const char* sweep,
-                                   const char* sweep_time) {
+constexpr MarramParam without_bounds(const char* name, MarramParamType type, const char* initial,
+                                     const char* choices, const char* help, const char* sweep,
+                                     const char* sweep_time) {
     return {name, type, "", initial, 0.0, 0.0, choices, help, sweep, sweep_time};
 }
 
@@ -33,7 +33,7 @@ MARRAM_NUMERIC_PARAM(ramp, MARRAM_RAMP) // bounds: of its values
 #define MARRAM_PLAIN_PARAM(function, type)                                                                   \
     constexpr MarramParam function(const char* name, const char* initial, const char* help,                  \
                                    const char* sweep = "", const char* sweep_time = "") {                    \
-        return not_a_number(name, type, initial, "", help, sweep, sweep_time);                               \
+        return without_bounds(name, type, initial, "", help, sweep, sweep_time);                             \
     }
 MARRAM_PLAIN_PARAM(boolean, MARRAM_BOOLEAN)
 MARRAM_PLAIN_PARAM(text, MARRAM_TEXT)
@@ -41,10 +41,11 @@ MARRAM_PLAIN_PARAM(curves, MARRAM_CURVES_NAME) // the name of curves
 MARRAM_PLAIN_PARAM(keys, MARRAM_KEYS)
 #undef MARRAM_PLAIN_PARAM
 
+// choices: what MarramParam.choices means for the type.
 #define MARRAM_PARAM_WITH(choices, function, type)                                                           \
     constexpr MarramParam function(const char* name, const char* initial, const char* choices,               \
                                    const char* help, const char* sweep = "", const char* sweep_time = "") {  \
-        return not_a_number(name, type, initial, choices, help, sweep, sweep_time);                          \
+        return without_bounds(name, type, initial, choices, help, sweep, sweep_time);                        \
     }
 MARRAM_PARAM_WITH(choices, choice, MARRAM_CHOICE) // "a|b|c"
 MARRAM_PARAM_WITH(each, mesh, MARRAM_MESH_NAME)   // "each": or a list of names, an instance for each

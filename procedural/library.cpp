@@ -4,7 +4,7 @@
 // To add a procedural: write a class with the members that entry_points.h asks for, in a folder of its own,
 // and add it to the list below.
 #include "procedural/abi/entry_points.h"
-#include "procedural/erosion/rock_instance.h"
+#include "procedural/loaded_rock.h"
 #include "procedural/strands/grown/groom_instance.h"
 #include "procedural/strands/imported/imported_instance.h"
 #include "procedural/terrain/terrain_instance.h"
@@ -19,18 +19,19 @@ namespace {
 template <typename... Procedurals>
 struct ProceduralList {
     static constexpr size_t count = sizeof...(Procedurals);
-    static std::array<MarramProcedural, count> tables() { return {EntryPoints<Procedurals>::table()...}; }
+    static std::array<MarramProcedural, count> tables() { return {Procedurals::table()...}; }
     static std::vector<MarramReportEntry> report_entries() {
         std::vector<MarramReportEntry> list;
         const auto add = [&](std::span<const MarramReportEntry> entries) {
             for (const MarramReportEntry& entry : entries) list.push_back(entry);
         };
-        (add(Procedurals::report_entries()), ...);
+        (add(Procedurals::Declaration::report_entries()), ...);
         return list;
     }
 };
 
-using All = ProceduralList<GroomInstance, ImportInstance, TerrainInstance, RockInstance>;
+using All = ProceduralList<EntryPoints<GroomInstance>, EntryPoints<ImportInstance>,
+                           EntryPoints<TerrainInstance>, LoadedRock>;
 
 } // namespace
 } // namespace marram

@@ -1,12 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/image/image_library.h"
+#include "core/math/own_library.h"
 
 #include <algorithm>
-#include <cstring>
 #include <new>
 #include <thread>
 
-#include <dlfcn.h>
 #include <sys/mman.h>
 
 namespace marram {
@@ -24,24 +23,18 @@ void check_room(size_t bytes) {
     ::munmap(at, bytes);
 }
 
-[[noreturn]] void refuse(const std::string& why) {
-    throw InputError({file}, "the library that reads and writes pictures cannot be loaded (" + why + ")",
-                     "install marram and Debian's OpenImageIO again");
-}
-
 const ImageLibrary* load() {
     check_room(room);
-    void* const handle = ::dlopen(file, RTLD_LAZY | RTLD_LOCAL); // never closed, so its objects stay valid
-    if (!handle) refuse(::dlerror());
-    using Entry = const ImageLibrary* (*)();
-    const auto entry = reinterpret_cast<Entry>(::dlsym(handle, image_library_entry));
-    if (!entry) refuse(::dlerror());
-    const ImageLibrary* const library = entry();
-    if (std::strcmp(library->version, MARRAM_VERSION) != 0)
-        refuse(std::string("it is of version ") + library->version + ", the program of " + MARRAM_VERSION);
-    if (library->size != sizeof(ImageLibrary)) refuse("it is of another build than the program");
-    also_remove_temporary_files(library->remove_temporary_files);
-    return library;
+    try {
+        const auto& library = load_own_library<ImageLibrary>(file, image_library_entry, MARRAM_VERSION);
+        also_remove_temporary_files(library.remove_temporary_files);
+        return &library;
+    } catch (const std::runtime_error& error) {
+        throw InputError({file},
+                         std::string("the library that reads and writes pictures cannot be loaded (") +
+                             error.what() + ")",
+                         "install marram and Debian's OpenImageIO again");
+    }
 }
 
 const ImageLibrary& library() {

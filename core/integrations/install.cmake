@@ -49,6 +49,10 @@ install(CODE "
   file(INSTALL \"${marram_MADE}/_marram\" DESTINATION \"\${data}/zsh/\${zsh}\")
 " COMPONENT program)
 install(TARGETS marram_procedural LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR}/marram COMPONENT plugin)
+if(MARRAM_HAS_OPENVDB)
+  install(TARGETS marram_rock LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR}/marram COMPONENT plugin)
+  install(TARGETS marram_level_set LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR}/marram COMPONENT program)
+endif()
 # Hosts are linked with it, so it is where the linker looks. Its number is that of the contract.
 set_target_properties(marram_host PROPERTIES SOVERSION ${marram_ABI_VERSION})
 install(TARGETS marram_host LIBRARY COMPONENT plugin NAMELINK_COMPONENT development)

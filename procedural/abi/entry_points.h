@@ -34,31 +34,46 @@
 namespace marram {
 
 template <typename P>
+concept HasItems = requires {
+    P::item_types();
+};
+template <typename P>
+concept HasTypeAttributes = requires {
+    P::type_attributes();
+};
+
+// What the static members of P declare, without functions.
+template <typename P>
+MarramProcedural declared(MarramOutputKind kind) {
+    MarramProcedural procedural{};
+    procedural.name = P::name;
+    procedural.help = P::help;
+    procedural.kind = kind;
+    procedural.params = P::params().data();
+    procedural.param_count = uint32_t(P::params().size());
+    procedural.param_stride = sizeof(MarramParam);
+    procedural.attribute_stride = sizeof(MarramAttribute);
+    if constexpr (HasTypeAttributes<P>) {
+        procedural.attributes = P::type_attributes().data();
+        procedural.attribute_count = uint32_t(P::type_attributes().size());
+    }
+    if constexpr (HasItems<P>) {
+        procedural.item_types = P::item_types().data();
+        procedural.item_type_count = uint32_t(P::item_types().size());
+        procedural.item_type_stride = sizeof(MarramItemType);
+    }
+    return procedural;
+}
+
+template <typename P>
 class EntryPoints {
     static constexpr bool is_curves = requires(P & p) { p.patch_count(); };
-    static constexpr bool has_items = requires { P::item_types(); };
-    static constexpr bool has_type_attributes = requires { P::type_attributes(); };
     static constexpr bool has_attribute_list = requires(const P& p) { p.attribute_list(); };
 
   public:
+    using Declaration = P;
     static MarramProcedural table() {
-        MarramProcedural procedural{};
-        procedural.name = P::name;
-        procedural.help = P::help;
-        procedural.kind = is_curves ? MARRAM_CURVES : MARRAM_MESH;
-        procedural.params = P::params().data();
-        procedural.param_count = uint32_t(P::params().size());
-        procedural.param_stride = sizeof(MarramParam);
-        procedural.attribute_stride = sizeof(MarramAttribute);
-        if constexpr (has_type_attributes) {
-            procedural.attributes = P::type_attributes().data();
-            procedural.attribute_count = uint32_t(P::type_attributes().size());
-        }
-        if constexpr (has_items) {
-            procedural.item_types = P::item_types().data();
-            procedural.item_type_count = uint32_t(P::item_types().size());
-            procedural.item_type_stride = sizeof(MarramItemType);
-        }
+        MarramProcedural procedural = declared<P>(is_curves ? MARRAM_CURVES : MARRAM_MESH);
         procedural.create = create;
         procedural.update = update;
         procedural.begin = begin;
@@ -93,7 +108,7 @@ class EntryPoints {
     }
 
     static std::vector<MarramValue> checked_values(const MarramHost& host, const MarramValues* values) {
-        if constexpr (has_items)
+        if constexpr (HasItems<P>)
             return marram::checked_values(host, values, P::params(), P::item_types());
         else
             return marram::checked_values(host, values, P::params(), {});

@@ -175,23 +175,4 @@ void RockInstance::report(const ReportSink& sink) const {
     sink("rock.erosion_seconds", erosion.seconds);
 }
 
-const std::vector<MarramParam>& RockInstance::params() { return rock_params(); }
-
-std::span<const MarramReportEntry> RockInstance::report_entries() {
-    static constexpr std::array entries = {
-        MarramReportEntry{"rock.grains", "count", MARRAM_SUM, nullptr, nullptr, "grains of sand traced"},
-        MarramReportEntry{"rock.rays", "count", MARRAM_SUM, nullptr, nullptr,
-                          "straight segments of their paths"},
-        MarramReportEntry{"rock.hits", "count", MARRAM_SUM, nullptr, nullptr, "hits on rock that wears"},
-        MarramReportEntry{"rock.volume", "m^3", MARRAM_SUM, nullptr, nullptr, "rock worn in a year"},
-        MarramReportEntry{"rock.seconds", "s", MARRAM_SUM, nullptr, nullptr, "tracing grains"},
-        MarramReportEntry{"rock.erosion_passes", "count", MARRAM_SUM, nullptr, nullptr,
-                          "of erosion, all levels"},
-        MarramReportEntry{"rock.erosion_removed", "m^3", MARRAM_SUM, nullptr, nullptr,
-                          "rock that is gone, of what was given"},
-        MarramReportEntry{"rock.erosion_seconds", "s", MARRAM_SUM, nullptr, nullptr, "eroding"},
-    };
-    return entries;
-}
-
 } // namespace marram

@@ -7,6 +7,7 @@
 #include "procedural/abi/stored_values.h"
 #include "procedural/abi/values.h"
 #include "procedural/erosion/erosion.h"
+#include "procedural/erosion/rock_declaration.h"
 
 #include <array>
 #include <cstdint>
@@ -14,15 +15,6 @@
 #include <vector>
 
 namespace marram {
-
-// RockInstance::mesh() writes their values in this order; make_rock_maps() bakes the first two.
-inline constexpr std::array rock_attributes = {
-    MarramAttribute{"wear", 1, MARRAM_PER_VERTEX, 0, "what the wind wears, 0 to 1 of the parameter full",
-                    nullptr, 0},
-    MarramAttribute{"wear_rate", 1, MARRAM_PER_VERTEX, 0, "rock that the wind wears, mm a year", nullptr, 0},
-    MarramAttribute{"hardness", 1, MARRAM_PER_VERTEX, 0, "hardness of the rock, which divides the wear",
-                    nullptr, 0},
-};
 
 // What erosion did to a rock. Numbers of 8 bytes, as it is stored with the state.
 struct RockErosion {
@@ -34,7 +26,7 @@ struct RockErosion {
     double seconds = 0.0;
 };
 
-struct RockInstance : Instance {
+struct RockInstance : Instance, RockDeclaration {
     StoredValues values;
     uint64_t values_digest = 0;
     uint64_t digest = 0;                        // of all inputs of `wear`; 0: not computed yet
@@ -47,12 +39,7 @@ struct RockInstance : Instance {
     std::array<MarramGrid, 2> grids{};      // point into maps
     GrainReport grains;
 
-    // The members that entry_points.h asks for (rock.cpp).
-    static constexpr const char *name = "rock", *help = "a mesh with what wind-blown sand wears of it";
-    static constexpr const char* less = "make voxel larger, use a mesh of fewer triangles, or a smaller map";
-    static const std::vector<MarramParam>& params();
-    static std::span<const MarramAttribute> type_attributes() { return rock_attributes; }
-    static std::span<const MarramReportEntry> report_entries();
+    // The other members that entry_points.h asks for (rock.cpp).
     void take(std::span<const MarramValue> list);
     uint32_t update(std::span<const MarramValue> list, uint32_t inputs);
     bool prepares() const;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The parameters of a rock, and the settings that they give.
+// The settings that the values of a rock give.
 #pragma once
 
 #include "core/plugin/marram_plugin.h"
@@ -12,9 +12,6 @@
 namespace marram {
 
 inline constexpr double default_bed_speed = 1.0; // m/s
-
-// Parameters of a rock, and those of the scene's wind that it reads.
-const std::vector<MarramParam>& rock_params();
 
 // The winds that wear the rock.
 std::vector<RockWind> rock_winds(const Values& values);

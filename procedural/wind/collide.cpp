@@ -15,6 +15,7 @@
 // straight.
 #include "procedural/wind/collide.h"
 
+#include "core/math/rotation.h"
 #include "procedural/abi/param.h"
 #include "procedural/wind/near.h"
 #include "procedural/wind/rendered_segment.h"
@@ -201,8 +202,7 @@ void advance(CollideScratch& scratch, Progress& progress, size_t k, const Segmen
              (scratch.target[k] == progress.start || k == 0))
         end = target;
     if (!still) {
-        progress.rotation =
-            (Eigen::Quaterniond::FromTwoVectors(segment.from, direction) * progress.rotation).normalized();
+        progress.rotation = (shortest_rotation(segment.from, direction) * progress.rotation).normalized();
         progress.turned = true;
     }
     scratch.solved[k + 1] = end.cast<float>();
@@ -512,7 +512,7 @@ void collide_strand(const CollideJob& job, Strands& strands, size_t i, CollideSc
             const Vec3d bent = lane_of(pose[a + 1], lane) - lane_of(pose[a], lane);
             const Vec3d now = (scratch.solved[a + 1] - scratch.solved[a]).cast<double>();
             if (!(bent.squaredNorm() > 0.0 && now.squaredNorm() > 0.0)) continue;
-            const Vec3d turned = Eigen::Quaterniond::FromTwoVectors(bent, now) * lane_of(normal[k], lane);
+            const Vec3d turned = shortest_rotation(bent, now) * lane_of(normal[k], lane);
             normal[k].x[lane] = float(turned.x());
             normal[k].y[lane] = float(turned.y());
             normal[k].z[lane] = float(turned.z());

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "procedural/strands/grown/guides.h"
 
+#include "core/math/rotation.h"
 #include "procedural/abi/param.h"
 #include "procedural/strands/binding.h"
 
@@ -60,10 +61,6 @@ std::optional<GuideSettings> parse_guide_settings(const Values& values) {
     if (values.has("guides.reach")) settings.reach = values.number("guides.reach");
     settings.wind_on_guides = values.text("guides.wind") == "guides";
     return settings;
-}
-
-Eigen::Matrix3d shortest_rotation(const Vec3d& a, const Vec3d& b) {
-    return Eigen::Quaterniond::FromTwoVectors(a, b).toRotationMatrix();
 }
 
 // k-d tree over the guides' roots, to which nanoflann keeps a reference.
@@ -196,8 +193,8 @@ GuideBlend GuideSet::blend_at(const Vec3d& root, const Vec3d& normal) const {
             if (count == 0) nearest = order[i].second;
             const Guide& first = guides_[nearest];
             if (count > 0 &&
-                (shortest_rotation(guide.normal, first.normal) * guide.direction).dot(first.direction) <
-                    min_cosine)
+                (shortest_rotation(guide.normal, first.normal).toRotationMatrix() * guide.direction)
+                        .dot(first.direction) < min_cosine)
                 continue;
             chosen[count++] = {order[i].second, std::sqrt(order[i].first)};
         }

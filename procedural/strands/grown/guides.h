@@ -59,9 +59,6 @@ struct GuideBlend {
     float weight[max_blended];
 };
 
-// The rotation from unit vector a to b along the shortest arc; about an arbitrary axis if they are opposite.
-Eigen::Matrix3d shortest_rotation(const Vec3d& a, const Vec3d& b);
-
 class GuideSet {
   public:
     // `vertices`: of the curves in the bind pose. `bind` must have an area. Guides without length are

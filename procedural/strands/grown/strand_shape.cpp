@@ -22,6 +22,7 @@
 // Function", SIGGRAPH 1996): a root belongs to the nearest of the points in the 27 lattice cells around it.
 #include "procedural/strands/grown/strand_shape.h"
 
+#include "core/math/rotation.h"
 #include "procedural/abi/ramp_table.h"
 #include "procedural/noise/noise.h"
 
@@ -103,7 +104,8 @@ void set_centre(const Guided& guided, const GuideBlend& blend, std::span<const V
                 (axes.transpose() * shortest_rotation(guided.normals.empty()
                                                           ? guided.set.normal(blend.guide[i])
                                                           : guided.normals[blend.guide[i]],
-                                                      frame.normal));
+                                                      frame.normal)
+                                        .toRotationMatrix());
     for (int k = 0; k < cvs; ++k) {
         Vec3d sum = Vec3d::Zero();
         for (int i = 0; i < max_blended; ++i)

@@ -384,6 +384,21 @@ TEST(BadInput, LibrariesFromElsewhere) {
     EXPECT_CONTAINS(waited.err, "is no file but a pipe or device");
 }
 
+// The plug-in alone, as it is built for the default scene or in a host that wants no rock.
+TEST(BadInput, ARockWithoutItsLibrary) {
+    const Folder folder;
+    fs::copy_file(MARRAM_BINARY_DIR "/libmarram_procedural.so", folder / "libmarram_procedural.so");
+    const std::string scene = folder.write(
+        "a.toml", SceneText{.more = "[[procedural]]\ntype = \"rock\"\nname = \"worn\"\nmesh = \"ground\"\n"});
+    const auto said = [&](const char* command) {
+        return output_of(fmt::format("MARRAM_PLUGIN_PATH={} {}/marram {} {} 2>&1; true", folder / "",
+                                     MARRAM_BINARY_DIR, command, scene));
+    };
+    EXPECT_CONTAINS(said("render --spp 1"),
+                    "a.toml:25:1: the library of rocks cannot be loaded (libmarram_rock.so");
+    EXPECT_CONTAINS(said("info --keys"), "procedural.worn.energy_per_volume"); // declared without it
+}
+
 TEST(BadInput, LibrariesThatFail) {
     const auto with_fault = [](const std::string& type, const std::string& fault) {
         return SceneText{.more = fmt::format("[[procedural]]\nname = \"bad\"\ntype = \"{}\"\nfault = "

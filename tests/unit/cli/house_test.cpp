@@ -15,6 +15,7 @@ namespace {
 
 const fs::path source = MARRAM_SOURCE_DIR;
 const std::string plugin = MARRAM_BINARY_DIR "/libmarram_procedural.so";
+const std::string rock_library = MARRAM_BINARY_DIR "/libmarram_rock.so";
 const std::string host_library = MARRAM_BINARY_DIR "/libmarram_host.so";
 
 // Which module includes which. A module may always include itself.
@@ -282,9 +283,12 @@ TEST(House, PagesListTheParametersThatAreDeclared) {
 }
 
 TEST(Plugin, ExportsItsEntryPointAlone) {
-    const std::vector<std::string> symbols = lines(output_of("nm -D --defined-only " + plugin));
-    ASSERT_EQ(symbols.size(), 1u) << fmt::format("{}", fmt::join(symbols, "\n"));
-    EXPECT_TRUE(symbols[0].ends_with(" T marram_library")) << symbols[0];
+    for (const auto& [library, entry] :
+         {std::pair(plugin, " T marram_library"), std::pair(rock_library, " T marram_rock_library")}) {
+        const std::vector<std::string> symbols = lines(output_of("nm -D --defined-only " + library));
+        ASSERT_EQ(symbols.size(), 1u) << fmt::format("{}", fmt::join(symbols, "\n"));
+        EXPECT_TRUE(symbols[0].ends_with(entry)) << symbols[0];
+    }
 }
 
 TEST(HostLibrary, ExportsWhatItsHeaderDeclares) {
@@ -319,7 +323,7 @@ TEST(Plugin, ImportsItsAllocator) {
 
 TEST(Plugin, KnowsNothingOfTheRenderer) {
     const std::string needed = output_of("readelf -d " + plugin + " | grep NEEDED");
-    for (const char* library : {"OpenImageIO", "OpenEXR", "libtinyobjloader", "libtomlplusplus"})
+    for (const char* library : {"OpenImageIO", "OpenEXR", "openvdb", "libtinyobjloader", "libtomlplusplus"})
         EXPECT_EQ(needed.find(library), std::string::npos) << needed;
     const std::string symbols = output_of("nm -C " + plugin);
     for (const char* name :

@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: Apache-2.0
+// Loads a library of this project when it is first needed: code that few runs need and that takes long to load or to
+// build, because of what it depends on. The library lies in the folder of the one that loads it, or where the RUNPATH of
+// the program leads.
+#pragma once
+
+#include <dlfcn.h>
+
+#include <cstddef>
+#include <cstring>
+#include <stdexcept>
+#include <string>
+
+namespace marram {
+
+// Functions: what the library exports, a struct that begins with
+//     const char* version;  // of the release
+//     size_t size;          // of the struct: detects another build
+// entry: the library's only symbol, const Functions* f(). It is never closed, so its objects stay valid. Throws
+// std::runtime_error with the reason if it cannot be loaded.
+template <typename Functions>
+const Functions& load_own_library(const char* file, const char* entry, const char* version) {
+    const auto loaded = [](void* found) {
+        if (!found) throw std::runtime_error(::dlerror());
+        return found;
+    };
+    void* const library = loaded(::dlopen(file, RTLD_LAZY | RTLD_LOCAL));
+    const auto functions = reinterpret_cast<const Functions* (*)()>(loaded(::dlsym(library, entry)));
+    const Functions& found = *functions();
+    if (std::strcmp(found.version, version) != 0)
+        throw std::runtime_error(std::string("it is of version ") + found.version + ", not " + version);
+    if (found.size != sizeof(Functions)) throw std::runtime_error("it is of another build");
+    return found;
+}
+
+} // namespace marram

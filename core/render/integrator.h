@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Unidirectional path tracer: paths start at the camera, with next-event estimation at every vertex, multiple
 // importance sampling (MIS) of lights and BSDFs, and Russian roulette. Vertex 0 is the first hit.
-// integrator.cpp describes the estimator.
+// path.cpp describes the estimator, integrator.cpp the passes over the picture.
 #pragma once
 
 #include "core/render/camera.h"

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Rock as a level set. Signed distance phi (metres, negative in rock) on a sparse grid of cubic voxels of
-// edge h, stored by OpenVDB in a narrow band of 3 h on both sides of the surface. This is the only file of
-// the plug-in that includes OpenVDB.
+// edge h, stored by OpenVDB in a narrow band of 3 h on both sides of the surface. Of the plug-in, only this
+// file and its headers level_set_*.h include OpenVDB.
 //
 // Mesh. One vertex in each cell of eight voxels that the surface crosses, and one quad around each edge whose
 // ends have opposite signs (surface nets: S. Gibson, "Constrained Elastic Surface Nets", MICCAI 1998). A
@@ -14,12 +14,7 @@
 // within 2 h of p, weighted by (1 - r^2 / 4 h^2)^2 and by the agreement of their normals. Then phi += d. As d
 // is constant along normals, |grad phi| deviates from 1 only by the slope of d along the surface:
 //     |grad (phi + d)|^2 = 1 + |grad_s d|^2.
-//
-// Renormalisation, each pass. Voxels with a neighbour of opposite sign keep the surface in place: they become
-// phi / |grad phi|, per axis by the larger of the central difference and half the one-sided ones (after Russo
-// and Smereka, J. Comput. Phys. 163, 2000). The others take three steps of
-// phi_t = -sign(phi) (|grad phi| - 1) with Godunov's flux and second-order one-sided differences (ENO).
-// Voxels without wear stay bitwise the same, so that a sheltered face does not creep over many passes.
+// Each pass makes the values distances again (level_set_distances.h).
 //
 // Rock is never added: a voxel beside the surface never falls below its value before the pass. So along every
 // grid edge the crossing moves inward or stays.
@@ -35,17 +30,13 @@
 // build from a mesh. Memory: 26 bytes per voxel, three times that during wear.
 #include "procedural/erosion/level_set.h"
 
-#include "core/math/simd.h"
-#include "procedural/abi/parallel.h"
+#include "procedural/erosion/level_set_distances.h"
 
-#include <openvdb/Grid.h>
-#include <openvdb/openvdb.h>
 #include <openvdb/tools/LevelSetUtil.h>
 #include <openvdb/tools/MeshToVolume.h>
 #include <openvdb/tools/Morphology.h>
 #include <openvdb/tools/Prune.h>
 #include <openvdb/tools/SignedFloodFill.h>
-#include <openvdb/tree/LeafManager.h>
 // These are instantiated in OpenVDB's library: not doing so here saves a third of the compile time of this
 // file. Without optimisation small members are not inlined, and the library does not export them.
 #if defined(__OPTIMIZE__) && !defined(__clang__) && !defined(__SANITIZE_ADDRESS__)
@@ -56,192 +47,11 @@ extern template class openvdb::Grid<openvdb::FloatTree>;
 
 #include <algorithm>
 #include <array>
-#include <bit>
 #include <cmath>
-#include <cstring>
 #include <limits>
 
 namespace marram {
 namespace {
-
-using openvdb::Coord;
-using openvdb::FloatGrid;
-using openvdb::FloatTree;
-using openvdb::Int32Tree;
-using Leaf = FloatTree::LeafNodeType;
-using Leaves = openvdb::tree::LeafManager<FloatTree>;
-
-constexpr int leaf_side = 8, leaf_size = leaf_side * leaf_side * leaf_side;
-constexpr float band = float(level_set_band);
-constexpr float min_inside_cell = 0.02F;
-constexpr int relaxing_steps = 3;
-constexpr float relaxing_step = 0.5F; // in h
-
-// In this file phi is in voxels.
-
-// A leaf and its 26 neighbours, or the values of tiles in their place.
-template <typename Tree>
-struct Neighbourhood {
-    using T = typename Tree::ValueType;
-    std::array<const T*, 27> leaf; // its values, or null
-    std::array<T, 27> tile;
-    Neighbourhood(const openvdb::tree::ValueAccessor<const Tree>& accessor, const Coord& origin) {
-        int n = 0;
-        for (int x = -1; x <= 1; ++x)
-            for (int y = -1; y <= 1; ++y)
-                for (int z = -1; z <= 1; ++z, ++n) {
-                    const Coord at = origin.offsetBy(leaf_side * x, leaf_side * y, leaf_side * z);
-                    const auto* const found = accessor.probeConstLeaf(at);
-                    leaf[size_t(n)] = found ? found->buffer().data() : nullptr;
-                    tile[size_t(n)] = leaf[size_t(n)] ? T(0) : accessor.getValue(at);
-                }
-    }
-    // i, j, k from -8 to 15
-    T at(int i, int j, int k) const {
-        const int n = ((i + 8) >> 3) * 9 + ((j + 8) >> 3) * 3 + ((k + 8) >> 3);
-        const T* const l = leaf[size_t(n)];
-        return l ? l[((i & 7) << 6) | ((j & 7) << 3) | (k & 7)] : tile[size_t(n)];
-    }
-};
-
-// Values of a leaf and `halo` voxels around it, contiguous.
-template <int halo, typename T>
-struct Block {
-    static constexpr int side = leaf_side + 2 * halo;
-    static constexpr int step_i = side * side, step_j = side;
-    std::array<T, size_t(side) * side * side> values;
-
-    static int index(int i, int j, int k) { return ((i + halo) * side + (j + halo)) * side + (k + halo); }
-    T at(int i, int j, int k) const { return values[size_t(index(i, j, k))]; }
-    const T* pointer(int i, int j, int k) const { return values.data() + index(i, j, k); }
-
-    template <typename Tree>
-    void gather(const Neighbourhood<Tree>& around) {
-        for (int i = -halo; i < leaf_side + halo; ++i)
-            for (int j = -halo; j < leaf_side + halo; ++j) {
-                const auto n = size_t(((i + 8) >> 3) * 9 + ((j + 8) >> 3) * 3);
-                const int row = ((i & 7) << 6) | ((j & 7) << 3);
-                T* const out = values.data() + index(i, j, 0);
-                gather_part<halo>(around, n, row + leaf_side - halo, out - halo);
-                gather_part<leaf_side>(around, n + 1, row, out);
-                gather_part<halo>(around, n + 2, row, out + leaf_side);
-            }
-    }
-
-  private:
-    // A fixed number of values: no call of a library, which took a sixth of the time.
-    template <int count, typename Tree>
-    static void gather_part(const Neighbourhood<Tree>& around, size_t n, int from, T* out) {
-        if (const T* const leaf = around.leaf[n])
-            std::memcpy(out, leaf + from, count * sizeof(T));
-        else
-            for (int k = 0; k < count; ++k) out[k] = around.tile[n];
-    }
-};
-
-struct Float3 {
-    float x = 0.0F, y = 0.0F, z = 0.0F;
-    Float3 operator+(const Float3& o) const { return {x + o.x, y + o.y, z + o.z}; }
-    Float3 operator-(const Float3& o) const { return {x - o.x, y - o.y, z - o.z}; }
-    Float3 operator*(float s) const { return {x * s, y * s, z * s}; }
-    float dot(const Float3& o) const { return x * o.x + y * o.y + z * o.z; }
-};
-
-Float3 cross(const Float3& a, const Float3& b) {
-    return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
-}
-
-Float3 unit(const Float3& v) {
-    const float length = std::sqrt(v.dot(v));
-    return length > 1e-12F ? v * (1.0F / length) : Float3{0.0F, 1.0F, 0.0F};
-}
-
-template <int halo>
-Float3 central_gradient(const Block<halo, float>& phi, int i, int j, int k) {
-    const float* const p = phi.pointer(i, j, k);
-    constexpr int x = Block<halo, float>::step_i, y = Block<halo, float>::step_j;
-    return Float3{p[x] - p[-x], p[y] - p[-y], p[1] - p[-1]} * 0.5F;
-}
-
-// Trilinear interpolation of the corners c[(i * 2 + j) * 2 + k] of a cell.
-template <typename T>
-T trilinear(const std::array<T, 8>& c, const Float3& t) {
-    const auto mix = [](const T& a, const T& b, float s) { return a * (1.0F - s) + b * s; };
-    return mix(mix(mix(c[0], c[1], t.z), mix(c[2], c[3], t.z), t.y),
-               mix(mix(c[4], c[5], t.z), mix(c[6], c[7], t.z), t.y), t.x);
-}
-
-// Where phi < 0 in a block: bit k + halo of row (i, j).
-template <int halo>
-struct InsideRows {
-    static constexpr int side = Block<halo, float>::side;
-    std::array<uint32_t, size_t(side) * side> rows;
-
-    explicit InsideRows(const Block<halo, float>& phi) {
-        for (int row = 0; row < side * side; ++row) {
-            const float* const p = phi.values.data() + row * side;
-            uint32_t bits = 0;
-            for (int k = 0; k < side; ++k) bits |= uint32_t(p[k] < 0.0F) << k;
-            rows[size_t(row)] = bits;
-        }
-    }
-    uint32_t row(int i, int j) const { return rows[size_t((i + halo) * side + j + halo)]; }
-
-    // Bit k: the corners of the cell from voxel (i, j, k) on are not all on one side.
-    uint32_t mixed_cells(int i, int j) const {
-        const uint32_t a = row(i, j), b = row(i, j + 1), c = row(i + 1, j), d = row(i + 1, j + 1);
-        const uint32_t any = a | b | c | d, all = a & b & c & d;
-        return ((any | any >> 1) & ~(all & all >> 1)) >> halo & 0xffU;
-    }
-    // Bit k: one of the edges from voxel (i, j, k) along the axes ends on the other side.
-    uint32_t crossed_edges(int i, int j) const {
-        const uint32_t a = row(i, j);
-        return ((a ^ row(i + 1, j)) | (a ^ row(i, j + 1)) | (a ^ a >> 1)) >> halo & 0xffU;
-    }
-};
-
-// body(i, j, k) for the bits k of each row (i, j) of a leaf.
-void for_voxels(auto&& bits, auto&& body) {
-    for (int i = 0; i < leaf_side; ++i)
-        for (int j = 0; j < leaf_side; ++j)
-            for (uint32_t left = bits(i, j); left != 0; left &= left - 1) body(i, j, std::countr_zero(left));
-}
-
-// Mesh vertex of a cell. place: from the lower corner of the cell, in voxels.
-struct CellVertex {
-    Float3 place, normal;
-};
-
-CellVertex cell_vertex(const std::array<float, 8>& corner, const std::array<Float3, 8>& slope) {
-    Float3 sum;
-    float count = 0.0F;
-    const auto cross = [&](int a, int b) {
-        const float pa = corner[size_t(a)], pb = corner[size_t(b)];
-        if ((pa < 0.0F) == (pb < 0.0F)) return;
-        const float t = pa / (pa - pb);
-        const auto at = [](int c) { return Float3{float(c >> 2 & 1), float(c >> 1 & 1), float(c & 1)}; };
-        sum = sum + at(a) * (1.0F - t) + at(b) * t;
-        count += 1.0F;
-    };
-    for (const int bit : {1, 2, 4})
-        for (int c = 0; c < 8; ++c)
-            if (!(c & bit)) cross(c, c | bit);
-    Float3 p = sum * (1.0F / count);
-    const auto inside = [](float s) { return std::clamp(s, min_inside_cell, 1.0F - min_inside_cell); };
-    for (int step = 0; step < 2; ++step) {
-        const Float3 g = trilinear(slope, p);
-        const float square = g.dot(g);
-        if (!(square > 0.04F)) break; // a crease: no useful gradient
-        p = p - g * (trilinear(corner, p) / square);
-        p = {inside(p.x), inside(p.y), inside(p.z)};
-    }
-    return {p, unit(trilinear(slope, p))};
-}
-
-void for_leaves(const Leaves& leaves, const auto& body) {
-    marram::parallel_for(tbb::blocked_range<size_t>(0, leaves.leafCount(), 8),
-                         [&](const tbb::blocked_range<size_t>& range) { body(range.begin(), range.end()); });
-}
 
 // The narrow band around a checked mesh, in voxels.
 FloatGrid::Ptr band_around(std::span<const float> positions, std::span<const uint32_t> triangles,
@@ -257,150 +67,6 @@ FloatGrid::Ptr band_around(std::span<const float> positions, std::span<const uin
     const openvdb::tools::QuadAndTriangleDataAdapter<openvdb::Vec3s, openvdb::Vec3I> mesh(points, faces);
     const auto identity = openvdb::math::Transform::createLinearTransform(1.0);
     return openvdb::tools::meshToVolume<FloatGrid>(mesh, *identity, width, width);
-}
-
-// ---- operations on the distances ----
-
-// Eight voxels along z, a row of a leaf. p points to the first, whose neighbours are at +-x, +-y and +-1.
-
-MARRAM_INLINE VFloat magnitude(VFloat a) { return a < 0.0F ? -a : a; }
-
-MARRAM_INLINE VInt beside_surface(const float* p, int x, int y) {
-    const VInt inside = vload(p) < 0.0F;
-    VInt differ = {};
-    for (const int step : {x, -x, y, -y, 1, -1}) differ = differ | ((vload(p + step) < 0.0F) ^ inside);
-    return differ;
-}
-
-// Distances of voxels beside the surface, in voxels: phi / |grad phi|. See "Renormalisation" at the top of
-// the file.
-MARRAM_INLINE VFloat subcell_distance(const float* p, int x, int y) {
-    const VFloat phi = vload(p);
-    VFloat square = {};
-    for (const int step : {x, y, 1}) {
-        const VFloat next = vload(p + step), previous = vload(p - step);
-        const VFloat one_sided = vmax(magnitude(next - phi), magnitude(phi - previous));
-        const VFloat greatest = vmax(magnitude(next - previous), one_sided) * 0.5F;
-        square = square + greatest * greatest;
-    }
-    return phi / vsqrt(vmax(square, splat_float(0.04F)));
-}
-
-MARRAM_INLINE VFloat minmod(VFloat a, VFloat b) {
-    return a * b > 0.0F ? (magnitude(a) < magnitude(b) ? a : b) : VFloat{};
-}
-
-// |grad phi| by Godunov's flux, upwind from the surface, with second-order one-sided differences.
-MARRAM_INLINE VFloat upwind_slope(const float* p, int x, int y) {
-    const VFloat phi = vload(p);
-    const VInt outside = phi >= 0.0F;
-    VFloat square = {};
-    for (const int step : {x, y, 1}) {
-        const VFloat next = vload(p + step), previous = vload(p - step);
-        const VFloat here = next - 2.0F * phi + previous;
-        VFloat minus = phi - previous + 0.5F * minmod(here, phi - 2.0F * previous + vload(p - 2 * step));
-        VFloat plus = next - phi - 0.5F * minmod(here, vload(p + 2 * step) - 2.0F * next + phi);
-        minus = outside ? minus : -minus, plus = outside ? plus : -plus;
-        const VFloat a = vmax(minus, VFloat{}), b = vmin(plus, VFloat{});
-        square = square + vmax(a * a, b * b);
-    }
-    return vsqrt(square);
-}
-
-// The active voxels of each row of a leaf, as bits.
-using RowBits = std::array<uint8_t, size_t(leaf_side) * leaf_side>;
-
-RowBits active_rows(const Leaf& leaf) {
-    RowBits rows;
-    for (size_t row = 0; row < rows.size(); ++row)
-        rows[row] = uint8_t(leaf.getValueMask().getWord<uint64_t>(openvdb::Index(row / leaf_side)) >>
-                            (row % leaf_side * leaf_side));
-    return rows;
-}
-
-// body(first voxel of the row, pointer into the block, mask) for the rows with active voxels.
-template <int halo, typename F>
-MARRAM_INLINE void for_active_rows(const RowBits& rows, const Block<halo, float>& phi, F&& body) {
-    for (int row = 0; row < leaf_side * leaf_side; ++row)
-        if (const int bits = rows[size_t(row)]; bits != 0) {
-            const float* const p = phi.values.data() + Block<halo, float>::index(row >> 3, row & 7, 0);
-            const VInt active = (VInt{1, 2, 4, 8, 16, 32, 64, 128} & bits) != 0;
-            body(row * leaf_side, p, active);
-        }
-}
-
-// The distances beside the surface, to `to`, which holds those of now. before: those before the wear, or
-// null.
-MARRAM_HOT void place_surface(const RowBits& rows, const Block<1, float>& phi, const float* before,
-                              float* to) {
-    constexpr int x = Block<1, float>::step_i, y = Block<1, float>::step_j;
-    for_active_rows(rows, phi, [&](int at, const float* p, VInt active) MARRAM_ALWAYS_INLINE {
-        const VFloat distance = subcell_distance(p, x, y);
-        VInt changes = active & beside_surface(p, x, y);
-        VFloat result = distance;
-        if (before) {
-            const VFloat old = vload(before + at);
-            changes = changes & (vload(p) != old);
-            result = vmax(distance, old);
-        }
-        vstore(to + at, changes ? result : vload(p));
-    });
-}
-
-// One step of phi_t = -sign(phi) (|grad phi| - 1) for voxels not beside the surface.
-MARRAM_HOT void relax(const RowBits& rows, const Block<2, float>& phi, const float* before, float* to) {
-    constexpr int x = Block<2, float>::step_i, y = Block<2, float>::step_j;
-    for_active_rows(rows, phi, [&](int at, const float* p, VInt active) MARRAM_ALWAYS_INLINE {
-        const VFloat old = vload(p), change = relaxing_step * (upwind_slope(p, x, y) - 1.0F);
-        VInt changes = active & ~beside_surface(p, x, y);
-        if (before) changes = changes & (old != vload(before + at));
-        const VFloat result =
-            old < 0.0F ? vmin(old + change, splat_float(-1e-3F)) : vmax(old - change, splat_float(1e-3F));
-        vstore(to + at, changes ? result : old);
-    });
-}
-
-// update(active voxels, block around a leaf, its values before the wear or null, its new values) for each
-// leaf.
-template <int halo, typename F>
-void update_leaves(FloatTree& tree, Leaves& leaves, bool worn, F&& update) {
-    for_leaves(leaves, [&](size_t begin, size_t end) {
-        const openvdb::tree::ValueAccessor<const FloatTree> accessor(tree);
-        Block<halo, float> phi;
-        for (size_t n = begin; n < end; ++n) {
-            const Leaf& leaf = leaves.leaf(n);
-            phi.gather(Neighbourhood<FloatTree>(accessor, leaf.origin()));
-            float* const to = leaves.getBuffer(n, 2).data();
-            std::copy_n(leaf.buffer().data(), leaf_size, to);
-            update(active_rows(leaf), phi, worn ? leaves.getBuffer(n, 1).data() : nullptr, to);
-        }
-    });
-    leaves.swapLeafBuffer(2);
-}
-
-// Restores phi to a distance and keeps the surface in place. Buffer 2 is scratch. With `worn`, buffer 1 holds
-// the distances before the wear, and voxels without change are kept.
-void renormalise(FloatTree& tree, Leaves& leaves, bool worn) {
-    update_leaves<1>(tree, leaves, worn, place_surface);
-    for (int step = 0; step < relaxing_steps; ++step) update_leaves<2>(tree, leaves, worn, relax);
-}
-
-// Deactivates voxels outside the band and sets them to +-band.
-void trim(FloatTree& tree, const Leaves& leaves) {
-    for_leaves(leaves, [&](size_t begin, size_t end) {
-        for (size_t n = begin; n < end; ++n) {
-            Leaf& leaf = leaves.leaf(n);
-            float* const phi = leaf.buffer().data();
-            for (openvdb::Index at = 0; at < openvdb::Index(leaf_size); ++at)
-                if (leaf.isValueOn(at) && !(std::abs(phi[at]) < band)) {
-                    phi[at] = std::copysign(band, phi[at]);
-                    leaf.setValueOff(at);
-                } else if (!leaf.isValueOn(at)) {
-                    phi[at] = std::copysign(band, phi[at]);
-                }
-        }
-    });
-    openvdb::tools::pruneLevelSet(tree);
 }
 
 // Vertex data for the lookup by voxels: position in its cell, normal, and wear; in voxels.
@@ -518,44 +184,16 @@ float tricubic(const Accessor& accessor, const openvdb::Vec3d& place) {
     return sum;
 }
 
-} // namespace
-
-// ---- the class ----
-
-struct LevelSet::Data {
-    double voxel = 1.0;
-    FloatTree::Ptr phi; // in voxels
-    // Derived from phi, valid if meshed:
-    bool meshed = false;
-    LevelMesh mesh;
-    Int32Tree::Ptr cells;       // vertex index of the cell whose lower corner is the voxel; -1: none
-    std::vector<Float3> places; // vertex positions in their cells, in voxels
-
-    void changed() {
-        meshed = false;
-        mesh = {};
-        cells.reset();
-        places.clear();
-    }
-    void extract();
-};
-
-void LevelSet::Data::extract() {
-    if (meshed) return;
-    mesh = {};
-    cells = std::make_shared<Int32Tree>(*phi, -1, openvdb::TopologyCopy());
-    const Leaves leaves(*phi);
-    openvdb::tree::LeafManager<Int32Tree> cell_leaves(*cells);
-    const size_t count = leaves.leafCount();
-    std::vector<std::vector<CellVertex>> made(count);
-
-    // Vertices of the cells that the surface crosses.
+// Vertices of the cells that the surface crosses, by leaves; `cells`: the index of each in its leaf, or -1.
+std::vector<std::vector<CellVertex>> cell_vertices(const FloatTree& phi, const Leaves& leaves,
+                                                   CellLeaves& cells) {
+    std::vector<std::vector<CellVertex>> made(leaves.leafCount());
     for_leaves(leaves, [&](size_t begin, size_t end) {
-        const openvdb::tree::ValueAccessor<const FloatTree> accessor(*phi);
+        const openvdb::tree::ValueAccessor<const FloatTree> accessor(phi);
         Block<2, float> block;
         for (size_t n = begin; n < end; ++n) {
             block.gather(Neighbourhood<FloatTree>(accessor, leaves.leaf(n).origin()));
-            int32_t* const ids = cell_leaves.leaf(n).buffer().data();
+            int32_t* const ids = cells.leaf(n).buffer().data();
             std::fill_n(ids, leaf_size, -1);
             const InsideRows<2> rows(block);
             for_voxels([&](int i, int j) { return rows.mixed_cells(i, j); },
@@ -572,38 +210,16 @@ void LevelSet::Data::extract() {
                        });
         }
     });
-    std::vector<size_t> first(count + 1, 0);
-    for (size_t n = 0; n < count; ++n) first[n + 1] = first[n] + made[n].size();
-    if (first[count] > size_t(std::numeric_limits<int32_t>::max()))
-        throw LevelSetError("the surface has more than 2^31 vertices: take larger voxels");
-    mesh.positions.resize(3 * first[count]);
-    mesh.normals.resize(3 * first[count]);
-    places.resize(first[count]);
-    for_leaves(leaves, [&](size_t begin, size_t end) {
-        for (size_t n = begin; n < end; ++n) {
-            int32_t* const ids = cell_leaves.leaf(n).buffer().data();
-            const Coord origin = leaves.leaf(n).origin();
-            for (int at = 0; at < leaf_size; ++at) {
-                if (ids[at] < 0) continue;
-                const auto& [place, normal] = made[n][size_t(ids[at])];
-                const size_t v = first[n] + size_t(ids[at]);
-                ids[at] = int32_t(v);
-                places[v] = place;
-                float* const p = mesh.positions.data() + 3 * v;
-                p[0] = float((double(origin.x() + (at >> 6)) + double(place.x)) * voxel);
-                p[1] = float((double(origin.y() + (at >> 3 & 7)) + double(place.y)) * voxel);
-                p[2] = float((double(origin.z() + (at & 7)) + double(place.z)) * voxel);
-                float* const q = mesh.normals.data() + 3 * v;
-                q[0] = normal.x, q[1] = normal.y, q[2] = normal.z;
-            }
-        }
-    });
+    return made;
+}
 
-    // A quad around each edge that the surface crosses.
-    std::vector<std::vector<uint32_t>> faces(count);
+// A quad as two triangles around each edge that the surface crosses, by leaves.
+std::vector<std::vector<uint32_t>> edge_quads(const FloatTree& phi, const Leaves& leaves,
+                                              const Int32Tree& cells, const LevelMesh& mesh) {
+    std::vector<std::vector<uint32_t>> faces(leaves.leafCount());
     for_leaves(leaves, [&](size_t begin, size_t end) {
-        const openvdb::tree::ValueAccessor<const FloatTree> accessor(*phi);
-        const openvdb::tree::ValueAccessor<const Int32Tree> cell_accessor(*cells);
+        const openvdb::tree::ValueAccessor<const FloatTree> accessor(phi);
+        const openvdb::tree::ValueAccessor<const Int32Tree> cell_accessor(cells);
         Block<1, float> block;
         Block<1, int32_t> ids;
         const auto apart = [&](uint32_t a, uint32_t b) {
@@ -653,6 +269,74 @@ void LevelSet::Data::extract() {
             for_voxels([&](int i, int j) { return rows.crossed_edges(i, j); }, faces_from);
         }
     });
+    return faces;
+}
+
+} // namespace
+
+// ---- the class ----
+
+struct LevelSet::Data {
+    double voxel = 1.0;
+    FloatTree::Ptr phi; // in voxels
+    // Derived from phi, valid if meshed:
+    bool meshed = false;
+    LevelMesh mesh;
+    Int32Tree::Ptr cells;       // vertex index of the cell whose lower corner is the voxel; -1: none
+    std::vector<Float3> places; // vertex positions in their cells, in voxels
+
+    void changed() {
+        meshed = false;
+        mesh = {};
+        cells.reset();
+        places.clear();
+    }
+    void extract();
+    void place_vertices(const Leaves& leaves, CellLeaves& cell_leaves,
+                        const std::vector<std::vector<CellVertex>>& made);
+};
+
+// Numbers the vertices in the order of leaves.
+void LevelSet::Data::place_vertices(const Leaves& leaves, CellLeaves& cell_leaves,
+                                    const std::vector<std::vector<CellVertex>>& made) {
+    const size_t count = leaves.leafCount();
+    std::vector<size_t> first(count + 1, 0);
+    for (size_t n = 0; n < count; ++n) first[n + 1] = first[n] + made[n].size();
+    if (first[count] > size_t(std::numeric_limits<int32_t>::max()))
+        throw LevelSetError("the surface has more than 2^31 vertices: take larger voxels");
+    mesh.positions.resize(3 * first[count]);
+    mesh.normals.resize(3 * first[count]);
+    places.resize(first[count]);
+    for_leaves(leaves, [&](size_t begin, size_t end) {
+        for (size_t n = begin; n < end; ++n) {
+            int32_t* const ids = cell_leaves.leaf(n).buffer().data();
+            const Coord origin = leaves.leaf(n).origin();
+            for (int at = 0; at < leaf_size; ++at) {
+                if (ids[at] < 0) continue;
+                const auto& [place, normal] = made[n][size_t(ids[at])];
+                const size_t v = first[n] + size_t(ids[at]);
+                ids[at] = int32_t(v);
+                places[v] = place;
+                float* const p = mesh.positions.data() + 3 * v;
+                p[0] = float((double(origin.x() + (at >> 6)) + double(place.x)) * voxel);
+                p[1] = float((double(origin.y() + (at >> 3 & 7)) + double(place.y)) * voxel);
+                p[2] = float((double(origin.z() + (at & 7)) + double(place.z)) * voxel);
+                float* const q = mesh.normals.data() + 3 * v;
+                q[0] = normal.x, q[1] = normal.y, q[2] = normal.z;
+            }
+        }
+    });
+}
+
+void LevelSet::Data::extract() {
+    if (meshed) return;
+    mesh = {};
+    cells = std::make_shared<Int32Tree>(*phi, -1, openvdb::TopologyCopy());
+    const Leaves leaves(*phi);
+    CellLeaves cell_leaves(*cells);
+    place_vertices(leaves, cell_leaves, cell_vertices(*phi, leaves, cell_leaves));
+    const std::vector<std::vector<uint32_t>> faces = edge_quads(*phi, leaves, *cells, mesh);
+    const size_t count = leaves.leafCount();
     std::vector<size_t> face(count + 1, 0);
     for (size_t n = 0; n < count; ++n) face[n + 1] = face[n] + faces[n].size();
     mesh.triangles.resize(face[count]);

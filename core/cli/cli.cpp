@@ -156,8 +156,7 @@ void add_render(CLI::App& app, Commands& c) {
     command->add_option("--size", c.texts.size, "size of the picture")->type_name("WxH");
     command
         ->add_option("--aov", c.texts.layers,
-                     "image layers besides the scene's: variance, albedo, normal, depth, strand_u, or an "
-                     "attribute")
+                     "image layers besides the scene's: " + names_of_extra_layers() + ", or an attribute")
         ->type_name("NAME,...");
     command
         ->add_option(

@@ -50,14 +50,37 @@ std::string known_names(const World& world) {
 std::span<const BuiltInLayer> built_in_layers() {
     using enum LayerKind;
     static constexpr BuiltInLayer layers[] = {
-        {"beauty", beauty, 3, "R G B", "the picture; always written"},
-        {"alpha", alpha, 1, "A", "fraction of the samples that hit a surface; always written"},
-        {"variance", variance, 3, "R G B",
-         "variance of each beauty pixel's mean; read by film.noise and by `marram compare`"},
-        {"albedo", albedo, 3, "R G B", "fraction of light that the first hit scatters"},
-        {"normal", normal, 3, "X Y Z", "shading normal of the first hit, towards the camera"},
-        {"depth", depth, 1, "Z", "distance of the first hit along the ray, m"},
-        {"strand_u", strand_u, 1, "Y", "position along the strand, 0 at the root, 1 at the tip"}};
+        {"beauty", beauty, 3, "R G B", "the picture; always written", {{0, 1}}, true},
+        {"alpha",
+         alpha,
+         1,
+         "A",
+         "fraction of the samples that hit a surface; always written",
+         {{0, 1}},
+         true},
+        {"variance",
+         variance,
+         3,
+         "R G B",
+         "variance of each beauty pixel's mean; read by film.noise and by `marram compare`",
+         {},
+         false},
+        {"albedo", albedo, 3, "R G B", "fraction of light that the first hit scatters", {{0, 1}}, false},
+        {"normal",
+         normal,
+         3,
+         "X Y Z",
+         "shading normal of the first hit, towards the camera",
+         {{-1, 1}},
+         false},
+        {"depth", depth, 1, "Z", "distance of the first hit along the ray, m", {}, false},
+        {"strand_u",
+         strand_u,
+         1,
+         "Y",
+         "position along the strand, 0 at the root, 1 at the tip",
+         {{0, 1}},
+         false}};
     return layers;
 }
 

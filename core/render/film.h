@@ -19,9 +19,11 @@
 #include "core/math/problem.h"
 #include "core/trace/hit.h"
 
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 namespace marram {
@@ -33,7 +35,9 @@ struct BuiltInLayer {
     std::string_view name;
     LayerKind kind = LayerKind::beauty;
     uint32_t channels = 0;
-    std::string_view channel_names, help; // channel_names: separated by spaces, as in an EXR
+    std::string_view channel_names, help;           // channel_names: separated by spaces, as in an EXR
+    std::optional<std::pair<double, double>> range; // that its values have in any scene
+    bool always = false;                            // written without being asked for
 };
 std::span<const BuiltInLayer> built_in_layers();
 

@@ -14,9 +14,9 @@
 namespace marram {
 namespace {
 
-LayerKind kind_of_layer(const std::string& name) {
+const BuiltInLayer* built_in(const std::string& name) {
     const auto known = std::ranges::find(built_in_layers(), name, &BuiltInLayer::name);
-    return known == built_in_layers().end() ? LayerKind::attribute : known->kind;
+    return known == built_in_layers().end() ? nullptr : &*known;
 }
 
 ValueRange range_of(const LayerPicture& picture) {
@@ -63,22 +63,18 @@ LayerPicture parse_layer_picture(const std::string& text) {
 }
 
 std::optional<ValueRange> natural_range(const std::string& layer) {
-    switch (kind_of_layer(layer)) {
-    case LayerKind::beauty:
-    case LayerKind::albedo:
-    case LayerKind::alpha:
-    case LayerKind::strand_u:
-        return ValueRange{0.0, 1.0};
-    case LayerKind::normal:
-        return ValueRange{-1.0, 1.0};
-    case LayerKind::attribute: // these two go from 0 to 1; gusts that overlap may exceed it
-        if (layer == "gust" || layer == "shield") return ValueRange{0.0, 1.0};
-        break;
-    case LayerKind::variance:
-    case LayerKind::depth:
-        break;
-    }
+    if (const BuiltInLayer* known = built_in(layer))
+        return known->range ? std::optional(ValueRange{known->range->first, known->range->second})
+                            : std::nullopt;
+    if (layer == "gust" || layer == "shield") return ValueRange{0.0, 1.0}; // gusts that overlap may exceed it
     return std::nullopt;
+}
+
+std::string names_of_extra_layers() {
+    std::vector<std::string_view> names;
+    for (const BuiltInLayer& layer : built_in_layers())
+        if (!layer.always) names.push_back(layer.name);
+    return fmt::format("{}", fmt::join(names, ", "));
 }
 
 std::string layer_text(const LayerPicture& picture) {

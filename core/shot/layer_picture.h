@@ -21,9 +21,11 @@ struct LayerPicture {
 // file. Without a range: "normal=n.png". Throws InputError with the column of the mistake.
 LayerPicture parse_layer_picture(const std::string& text);
 
-// The natural range of a layer: 0 to 1 for beauty, albedo, alpha and strand_u, -1 to 1 for normals. nullopt
-// for others, such as depth and attributes.
+// The range of a layer that has one in any scene: of built_in_layers(), and 0 to 1 for gust and shield.
 std::optional<ValueRange> natural_range(const std::string& layer);
+
+// "variance, albedo, ...": the built-in layers that are not always written.
+std::string names_of_extra_layers();
 
 // The layer and its range as written to the picture's metadata: "depth 0 20".
 std::string layer_text(const LayerPicture& picture);

@@ -198,7 +198,7 @@ TEST(Limits, LittleMemoryIsOneLine) {
     const Folder folder;
     const std::string scene = folder.write("a.toml", SceneText()), picture = folder / "a.exr";
     int loader = 0, refused = 0, done = 0;
-    for (size_t mega = 300; mega < 1500 && done < 3; mega += 6) {
+    for (size_t mega = 300; mega < 1500 && done < 3; mega += 12) {
         const ProgramResult outcome =
             limited<RLIMIT_AS>({"render", scene, "-o", picture, "--quiet"}, mega << 20);
         if (outcome.code == 127) { // a shared library did not fit
@@ -321,7 +321,8 @@ TEST(Limits, LongWorkIsAnnounced) {
                 "jiggle = { frequency = 2, damping = 0.001 }\n";
     text.groom = "count = 20000\ncvs = 5\nlength = [0.3, 0.5]\nwidth = 0.002\n";
     const std::string scene = folder.write("a.toml", text);
-    EXPECT_EQ(interrupt_in("s of one processor for each frame", {"render", scene, "-o", folder / "a.exr"}), 130);
+    EXPECT_EQ(interrupt_in("s of one processor for each frame", {"render", scene, "-o", folder / "a.exr"}),
+              130);
     EXPECT_EQ(folder.names(), std::set<std::string>{"a.toml"});
 }
 

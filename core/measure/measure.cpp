@@ -339,105 +339,132 @@ std::string dial_rule(const DialResult& result, double tolerance, const BuildSta
 }
 
 // A dial whose settings build the scene: its strands or its meshes.
-DialResult measure_builds(const Dial& dial, const Session& session, double budget) {
-    DialResult result{dial, std::vector<SettingResult>(dial.settings.size()), 0, {}};
-    const double end = wall_seconds() + budget;
-    // The first round may take twice the budget, so that a dial with a dear setting gets one round rather
-    // than none. Of this a simulation of the scene's own setting may take half. The procedurals of `scenes`
-    // read these limits as long as they live.
-    const TimeLimit limit(session, 2.0 * budget), own_limit(session, budget);
-    const auto limit_of = [&](size_t i) -> const TimeLimit& {
-        return coarsest_first(dial) && dial.settings[i].own ? own_limit : limit;
-    };
-    std::vector<Shot> scenes(dial.settings.size());
-    const auto changes_of = [&](size_t i) {
-        std::vector<std::string> changes = session.thinned;
-        changes.insert(changes.end(), dial.settings[i].changes.begin(), dial.settings[i].changes.end());
+class BuildDial {
+  public:
+    BuildDial(const Dial& dial, const Session& session, double budget)
+        : result_{dial, std::vector<SettingResult>(dial.settings.size()), 0, {}}, dial_(dial),
+          session_(session), end_(wall_seconds() + budget), limit_(session, 2.0 * budget),
+          own_limit_(session, budget), scenes_(dial.settings.size()) {}
+
+    DialResult measure() {
+        for (size_t i = 0; i < dial_.settings.size(); ++i) attempt(i, [&] { load(i); });
+        size_t base = base_of(dial_, result_.settings);
+        order_ = order_of(dial_, base);
+        Rounds rounds(dial_.settings.size(), base);
+        const double tolerance =
+            refused(base).empty() ? build_settings(scenes_[base], session_.frame).tolerance : 0.0;
+        Errors errors(result_, session_, scenes_, tolerance);
+        const double begin = wall_seconds();
+        first_round(base, rounds, errors);
+        errors.finish(finest_measured(dial_, rounds, base));
+        more_rounds(rounds, wall_seconds() - begin);
+        base = base_of(dial_, result_.settings); // there may have been no time for the one before
+        rounds.set_base(base);
+        result_.base = rounds.base_is_positive() ? base : result_.dial.reference;
+        rounds.set_base(result_.base);
+        rounds.finish(result_.settings);
+        mark_front(result_);
+        if (refused(base).empty()) choose_rule(base); // else nothing was measured
+        return std::move(result_);
+    }
+
+  private:
+    std::string& refused(size_t i) { return result_.settings[i].refused; }
+    const TimeLimit& limit_of(size_t i) const {
+        return coarsest_first(dial_) && dial_.settings[i].own ? own_limit_ : limit_;
+    }
+    std::vector<std::string> changes_of(size_t i) const {
+        std::vector<std::string> changes = session_.thinned;
+        changes.insert(changes.end(), dial_.settings[i].changes.begin(), dial_.settings[i].changes.end());
         return changes;
-    };
-    const auto load = [&](size_t i) {
-        scenes[i] = load_with(session.request, limit_of(i).stop(), changes_of(i));
-    };
+    }
+    void load(size_t i) { scenes_[i] = load_with(session_.request, limit_of(i).stop(), changes_of(i)); }
+
     // Does work for a setting. Returns whether it ended; if not, the setting is refused.
-    const auto attempt = [&](size_t i, const auto& work) {
+    template <typename Work>
+    bool attempt(size_t i, const Work& work) {
         try {
-            if (!limit_of(i).in_time(work)) result.settings[i].refused = no_time;
+            if (!limit_of(i).in_time(work)) refused(i) = no_time;
         } catch (const InputError& error) {
-            result.settings[i].refused = "refused: " + error.problems.front().what;
+            refused(i) = "refused: " + error.problems.front().what;
         }
-        return result.settings[i].refused.empty();
-    };
-    for (size_t i = 0; i < dial.settings.size(); ++i) attempt(i, [&] { load(i); });
-    size_t base = base_of(dial, result.settings);
-    const std::vector<size_t> order = order_of(dial, base);
-    Rounds rounds(dial.settings.size(), base);
-    const double tolerance =
-        result.settings[base].refused.empty() ? build_settings(scenes[base], session.frame).tolerance : 0.0;
-    Errors errors(result, session, scenes, tolerance);
-    BuildStats own, by_tolerance;
-    bool chosen = false;
-    double coarser = 0.0; // wall seconds of a coarser setting: finer ones take at least as long
-    const double begin = wall_seconds();
-    for (const size_t i : order) {
-        SettingResult& setting = result.settings[i];
-        const std::string& lost = result.settings[dial.reference].refused;
-        if (!setting.refused.empty()) continue;
-        if (!lost.empty() && lost != no_time)
-            setting.refused = "not measured: its reference is refused";
-        else if (i != base && limit.left() <= coarser)
-            setting.refused = no_time;
-        if (!setting.refused.empty()) continue;
-        session.progress.now(fmt::format("{}: {}", dial.name, dial.settings[i].label));
-        FrameStats stats;
-        World world;
-        const double start = wall_seconds();
-        if (!attempt(i, [&] { world = build(scenes[i], dial, session, limit_of(i).stop(), stats); }))
-            continue;
-        if (coarsest_first(dial) && i != base) coarser = wall_seconds() - start;
-        rounds.add(i, seconds_of(dial, stats));
-        if (dial.settings[i].own) own = stats.build;
-        if (dial.settings[i].by_tolerance) by_tolerance = stats.build, chosen = true;
-        if (dial.without_contact.empty()) {
-            errors.add(i, std::move(world));
-            continue;
+        return refused(i).empty();
+    }
+
+    // Builds each setting once, for its error.
+    void first_round(size_t base, Rounds& rounds, Errors& errors) {
+        double coarser = 0.0; // wall seconds of a coarser setting: finer ones take at least as long
+        for (const size_t i : order_) {
+            if (!refused(i).empty()) continue;
+            if (const std::string& lost = refused(dial_.reference); !lost.empty() && lost != no_time)
+                refused(i) = "not measured: its reference is refused";
+            else if (i != base && limit_.left() <= coarser)
+                refused(i) = no_time;
+            if (!refused(i).empty()) continue;
+            session_.progress.now(fmt::format("{}: {}", dial_.name, dial_.settings[i].label));
+            FrameStats stats;
+            World world;
+            const double start = wall_seconds();
+            if (!attempt(i, [&] { world = build(scenes_[i], dial_, session_, limit_of(i).stop(), stats); }))
+                continue;
+            if (coarsest_first(dial_) && i != base) coarser = wall_seconds() - start;
+            rounds.add(i, seconds_of(dial_, stats));
+            if (dial_.settings[i].own) own_ = stats.build;
+            if (dial_.settings[i].by_tolerance) by_tolerance_ = stats.build;
+            add_errors(i, std::move(world), errors);
         }
+    }
+
+    void add_errors(size_t i, World world, Errors& errors) {
+        if (dial_.without_contact.empty()) return errors.add(i, std::move(world));
         World before_contact;
         if (attempt(i, [&] {
                 std::vector<std::string> changes = changes_of(i);
-                changes.insert(changes.end(), dial.without_contact.begin(), dial.without_contact.end());
-                Shot scene = load_with(session.request, limit_of(i).stop(), changes);
+                changes.insert(changes.end(), dial_.without_contact.begin(), dial_.without_contact.end());
+                Shot scene = load_with(session_.request, limit_of(i).stop(), changes);
                 FrameStats untimed;
-                before_contact = build(scene, dial, session, limit_of(i).stop(), untimed);
+                before_contact = build(scene, dial_, session_, limit_of(i).stop(), untimed);
             }))
             errors.add(i, std::move(world), std::move(before_contact));
     }
-    errors.finish(finest_measured(dial, rounds, base));
-    const double round = wall_seconds() - begin;
-    for (int r = 1; r < session.request.rounds && wall_seconds() + round < end; ++r)
-        for (const size_t i : order) {
-            if (!result.settings[i].refused.empty()) continue;
-            session.progress.now(fmt::format("{}: {}", dial.name, dial.settings[i].label));
-            FrameStats stats;
-            const bool ended = limit_of(i).in_time([&] {
-                if (dial.error == DialError::surface) load(i); // a mesh that has been made would be kept
-                build(scenes[i], dial, session, limit_of(i).stop(), stats);
-            });
-            if (!ended) break;
-            rounds.add(i, seconds_of(dial, stats));
-        }
-    base = base_of(dial, result.settings); // there may have been no time for the one before
-    rounds.set_base(base);
-    result.base = rounds.base_is_positive() ? base : result.dial.reference;
-    rounds.set_base(result.base);
-    rounds.finish(result.settings);
-    mark_front(result);
-    if (!result.settings[base].refused.empty()) return result; // nothing was measured
-    if (dial.error == DialError::motion) result.rule = motion_rule(result, scenes[base], session, own);
-    if (dial.law)
-        result.rule = dial_rule(result, build_settings(scenes[base], session.frame).tolerance,
-                                chosen ? &by_tolerance : nullptr);
-    return result;
-}
+
+    // Times all settings again, as often as there is time. round: seconds of one.
+    void more_rounds(Rounds& rounds, double round) {
+        for (int r = 1; r < session_.request.rounds && wall_seconds() + round < end_; ++r)
+            for (const size_t i : order_) {
+                if (!refused(i).empty()) continue;
+                session_.progress.now(fmt::format("{}: {}", dial_.name, dial_.settings[i].label));
+                FrameStats stats;
+                const bool ended = limit_of(i).in_time([&] {
+                    if (dial_.error == DialError::surface) load(i); // a mesh that has been made would be kept
+                    build(scenes_[i], dial_, session_, limit_of(i).stop(), stats);
+                });
+                if (!ended) break;
+                rounds.add(i, seconds_of(dial_, stats));
+            }
+    }
+
+    void choose_rule(size_t base) {
+        if (dial_.error == DialError::motion)
+            result_.rule = motion_rule(result_, scenes_[base], session_, own_);
+        if (dial_.law)
+            result_.rule = dial_rule(result_, build_settings(scenes_[base], session_.frame).tolerance,
+                                     by_tolerance_ ? &*by_tolerance_ : nullptr);
+    }
+
+    DialResult result_;
+    const Dial& dial_;
+    const Session& session_;
+    const double end_;
+    // The first round may take twice the budget, so that a dial with a dear setting gets one round rather
+    // than none. Of this a simulation of the scene's own setting may take half. The procedurals of scenes_
+    // read these limits as long as they live.
+    const TimeLimit limit_, own_limit_;
+    std::vector<Shot> scenes_;
+    std::vector<size_t> order_;
+    BuildStats own_;
+    std::optional<BuildStats> by_tolerance_; // of the setting that the tolerance chooses
+};
 
 struct Picture {
     std::vector<float> pixels;
@@ -590,8 +617,9 @@ void measure(const Shot& shot, const MeasureRequest& request, MeasureProgress& p
         double weights = 0.0; // of the dials to come
         for (size_t k = i; k < list.dials.size(); ++k) weights += list.dials[k].weight;
         const double budget = std::max(progress.left(), 0.0) * dial.weight / weights;
-        measurement.dials.push_back(dial.error == DialError::image ? measure_pictures(dial, session, budget)
-                                                                   : measure_builds(dial, session, budget));
+        measurement.dials.push_back(dial.error == DialError::image
+                                        ? measure_pictures(dial, session, budget)
+                                        : BuildDial(dial, session, budget).measure());
     }
 }
 

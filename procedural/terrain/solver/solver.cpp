@@ -65,6 +65,7 @@
 #include "core/math/clock.h"
 #include "procedural/abi/parallel.h"
 #include "procedural/terrain/solver/checkerboard.h"
+#include "procedural/terrain/solver/solver_rows.h"
 
 #include <algorithm>
 #include <cmath>
@@ -78,83 +79,7 @@ constexpr double solver_max_height = 0x1p18; // metres; whole units of it are ex
 // They may have been much longer.
 constexpr double max_owed = 1.25;
 constexpr double min_units =
-    0x1p16;                         // of a step's greatest flux, for the flux at the border to be known by it
-constexpr size_t solver_slack = 16; // padding after the last row: loaded but without effect
-
-template <typename T, typename U>
-void solver_transpose(const T* from, int rows, int columns, size_t from_pitch, U* to, size_t to_pitch) {
-    constexpr int side = 16;
-    marram::parallel_for(0, (columns + side - 1) / side, [&](int block) {
-        const int c1 = std::min((block + 1) * side, columns);
-        for (int r0 = 0; r0 < rows; r0 += side)
-            for (int c = block * side; c < c1; ++c)
-                for (int r = r0; r < std::min(r0 + side, rows); ++r)
-                    to[size_t(c) * to_pitch + size_t(r)] = U(from[size_t(r) * from_pitch + size_t(c)]);
-    });
-}
-
-template <typename T, typename U>
-void solver_copy(const T* from, int rows, int columns, size_t from_pitch, U* to, size_t to_pitch) {
-    for (int r = 0; r < rows; ++r)
-        for (int c = 0; c < columns; ++c)
-            to[size_t(r) * to_pitch + size_t(c)] = U(from[size_t(r) * from_pitch + size_t(c)]);
-}
-
-MARRAM_HOT void solver_heights(const float* ground, const double* sand, int count, float* height) {
-    for (int b = 0; b < count; b += lanes) {
-        const VDouble metres = to_double(vload(ground + b)) + vload(sand + b) * (1.0 / sand_units_per_metre);
-        vstore(height + b, to_float(metres));
-    }
-}
-
-// height + part (height - before). Extends least and most by its range.
-MARRAM_HOT void solver_extrapolate(const float* height, const float* before, int columns, float part,
-                                   float* out, float& least, float& most) {
-    VFloat low = splat_float(least), high = splat_float(most);
-    int b = 0;
-    for (; b + lanes <= columns; b += lanes) {
-        VFloat h = vload(height + b);
-        h = h + part * (h - vload(before + b));
-        vstore(out + b, h);
-        low = vmin(low, h), high = vmax(high, h);
-    }
-    for (int l = 0; l < lanes; ++l) least = std::min(least, low[l]), most = std::max(most, high[l]);
-    for (; b < columns; ++b) {
-        out[b] = height[b] + part * (height[b] - before[b]);
-        least = std::min(least, out[b]), most = std::max(most, out[b]);
-    }
-}
-
-MARRAM_HOT void solver_add(const float* a, const float* b, int count, float* out) {
-    for (int k = 0; k < count; k += lanes) {
-        vstore(out + k, vload(a + k) + vload(b + k));
-    }
-}
-
-// Plant height p after a step: p gains the fraction `gain` of the missing height and loses |change of the
-// ground|.
-MARRAM_HOT void solver_grow(const float* height, const float* before, const float* most, int count,
-                            double gain, double full, double* plant_height, float* plants) {
-    for (int b = 0; b < count; b += lanes) {
-        const VFloat h = vload(height + b), was = vload(before + b), m = vload(most + b);
-        VDouble p = vload(plant_height + b);
-        const VFloat moved = h > was ? h - was : was - h;
-        p = vmax(p + ((full - p) * gain - to_double(moved)), VDouble{});
-        const VDouble share = p * (1.0 / full);
-        vstore(plant_height + b, p);
-        vstore(plants + b, to_float(to_double(m) * share * share));
-    }
-}
-
-// Adds the air of a direction of the wind, weighted by how near each cell's direction is to it.
-MARRAM_HOT void solver_weigh(const float* direction, float index, bool first, const float* field, int count,
-                             float* sum) {
-    for (int b = 0; b < count; b += lanes) {
-        const VFloat d = vload(direction + b) - index, away = d < 0.0F ? -d : d;
-        const VFloat added = vmax(splat_float(0.0F), 1.0F - away) * vload(field + b);
-        vstore(sum + b, first ? added : vload(sum + b) + added);
-    }
-}
+    0x1p16; // of a step's greatest flux, for the flux at the border to be known by it
 
 int solver_padded(int size) { return Transform::good_size(size + std::max(size / 4, 8)); }
 

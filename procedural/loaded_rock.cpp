@@ -25,8 +25,7 @@ MarramStatus create(const MarramHost* host, const MarramValues* values, MarramIn
         } catch (const std::runtime_error& error) {
             throw SceneFault("rock.library", "",
                              std::string("the library of rocks cannot be loaded (") + error.what() + ")",
-                             "install OpenVDB (libopenvdb-dev) and build the target marram_rock, or install "
-                             "the library again");
+                             "build it with scenes/setup marram_rock, or install Marram again");
         }
     });
     return status == MARRAM_OK ? loaded_rock().create(host, values, out) : status;

@@ -27,8 +27,7 @@ const LevelSetLibrary& library(const std::string& path) {
         throw InputError({path},
                          std::string("the library that reads and writes level sets cannot be loaded (") +
                              error.what() + ")",
-                         "install OpenVDB (libopenvdb-dev) and build the target marram_level_set, or install "
-                         "marram again");
+                         "build it with scenes/setup marram_level_set, or install Marram again");
     }
 }
 

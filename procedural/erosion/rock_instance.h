@@ -26,18 +26,22 @@ struct RockErosion {
     double seconds = 0.0;
 };
 
-struct RockInstance : Instance, RockDeclaration {
-    StoredValues values;
-    uint64_t values_digest = 0;
-    uint64_t digest = 0;                        // of all inputs of `wear`; 0: not computed yet
+// The surface of a rock with its wear.
+struct RockSurface {
     std::vector<float> positions, normals, uvs; // per vertex: 3 (m), 3 or none, 2 or none
     std::vector<uint32_t> triangles;            // 3 vertices each
     std::vector<float> wear, rate, hardness;    // per vertex; rate: mm a year
     bool eroded = false;
     RockErosion erosion;
+    GrainReport grains;
+};
+
+struct RockInstance : Instance, RockDeclaration, RockSurface {
+    StoredValues values;
+    uint64_t values_digest = 0;
+    uint64_t digest = 0;                    // of all inputs of `wear`; 0: not computed yet
     std::array<std::vector<float>, 2> maps; // wear, rate: a pixel each, row by row; or none
     std::array<MarramGrid, 2> grids{};      // point into maps
-    GrainReport grains;
 
     // The other members that entry_points.h asks for (rock.cpp).
     void take(std::span<const MarramValue> list);
@@ -56,9 +60,9 @@ void evaluate_rock(RockInstance& instance, const Values& values, const MarramFra
                    std::span<const MarramMesh> meshes, const MarramStates* states);
 
 // The output of an eroded rock as bytes, and back (rock_state.cpp). read_rock_state() returns false, and
-// leaves the instance as it was, if the bytes are not those of a rock with this digest.
-std::vector<char> write_rock_state(const RockInstance& instance, uint64_t digest);
-bool read_rock_state(std::span<const char> bytes, uint64_t digest, RockInstance& instance);
+// leaves the rock as it was, if the bytes are not those of a rock with this digest.
+std::vector<char> write_rock_state(const RockSurface& rock, uint64_t digest);
+bool read_rock_state(std::span<const char> bytes, uint64_t digest, RockSurface& rock);
 
 // Bakes wear and wear_rate to images by uv, `map` pixels a side; 0: to none (rock_maps.cpp). Throws
 // SceneFault if the mesh has no uvs.

@@ -10,15 +10,14 @@ namespace {
 
 constexpr uint64_t rock_state_format = 0x6d617272616d5202; // the last byte is the format version
 
-// Those fields of a GrainReport that a rock reports. Seconds are not kept: they are those of this run.
-struct StoredGrainReport {
-    uint64_t grains = 0, rays = 0, hits = 0;
-    int64_t worn = 0;
-    double volume = 0.0;
-};
+void visit_fields(auto& rock, auto& erosion, auto& visit) {
+    visit(erosion, rock.grains.grains, rock.grains.rays, rock.grains.worn_hits, rock.grains.worn,
+          rock.grains.volume, rock.positions, rock.normals, rock.triangles, rock.wear, rock.rate,
+          rock.hardness);
+}
 
 // True if the sizes of the lists match and indices are in range.
-bool sizes_and_indices_valid(const RockInstance& rock) {
+bool sizes_and_indices_valid(const RockSurface& rock) {
     const size_t vertices = rock.positions.size() / 3;
     if (rock.positions.size() != 3 * vertices || rock.normals.size() != 3 * vertices ||
         rock.triangles.size() % 3 != 0 || rock.wear.size() != vertices || rock.rate.size() != vertices ||
@@ -31,56 +30,25 @@ bool sizes_and_indices_valid(const RockInstance& rock) {
 
 } // namespace
 
-std::vector<char> write_rock_state(const RockInstance& rock, uint64_t digest) {
-    StateWriter out;
-    out.add(rock_state_format);
-    out.add(digest);
+std::vector<char> write_rock_state(const RockSurface& rock, uint64_t digest) {
     RockErosion erosion = rock.erosion;
-    erosion.seconds = 0.0;
-    out.add(erosion);
-    out.add(StoredGrainReport{rock.grains.grains, rock.grains.rays, rock.grains.worn_hits, rock.grains.worn,
-                              rock.grains.volume});
-    out.add_list(rock.positions);
-    out.add_list(rock.normals);
-    out.add_list(rock.triangles);
-    out.add_list(rock.wear);
-    out.add_list(rock.rate);
-    out.add_list(rock.hardness);
+    erosion.seconds = 0.0; // of this run
+    StateWriter out;
+    out(rock_state_format, digest);
+    visit_fields(rock, erosion, out);
     return std::move(out.bytes);
 }
 
-bool read_rock_state(std::span<const char> bytes, uint64_t digest, RockInstance& instance) {
+bool read_rock_state(std::span<const char> bytes, uint64_t digest, RockSurface& rock) {
     StateReader in(bytes);
     uint64_t format = 0, stored_digest = 0;
-    RockInstance rock;
-    StoredGrainReport grains;
-    in.get(format);
-    in.get(stored_digest);
+    in(format, stored_digest);
     if (format != rock_state_format || stored_digest != digest) return false;
-    in.get(rock.erosion);
-    in.get(grains);
-    in.get_list(rock.positions);
-    in.get_list(rock.normals);
-    in.get_list(rock.triangles);
-    in.get_list(rock.wear);
-    in.get_list(rock.rate);
-    in.get_list(rock.hardness);
-    if (!in.at_end() || !sizes_and_indices_valid(rock)) return false;
-    instance.eroded = true;
-    instance.erosion = rock.erosion;
-    instance.positions = std::move(rock.positions);
-    instance.normals = std::move(rock.normals);
-    instance.uvs.clear();
-    instance.triangles = std::move(rock.triangles);
-    instance.wear = std::move(rock.wear);
-    instance.rate = std::move(rock.rate);
-    instance.hardness = std::move(rock.hardness);
-    instance.grains = {};
-    instance.grains.grains = grains.grains;
-    instance.grains.rays = grains.rays;
-    instance.grains.worn_hits = grains.hits;
-    instance.grains.worn = grains.worn;
-    instance.grains.volume = grains.volume;
+    RockSurface stored;
+    visit_fields(stored, stored.erosion, in);
+    if (!in.at_end() || !sizes_and_indices_valid(stored)) return false;
+    stored.eroded = true;
+    rock = std::move(stored);
     return true;
 }
 

@@ -533,45 +533,27 @@ namespace {
 
 constexpr uint64_t dune_state_format = 0x6d617272616d4403; // the last byte is the format version
 
+void visit_fields(auto& state, auto& visit) {
+    visit(state.sand, state.height_before, state.plant_height, state.seam_flux, state.airborne,
+          state.seam_direction, state.seam_saturated, state.time, state.step_before, state.step_allowed,
+          state.steps, state.in, state.out);
+}
+
 } // namespace
 
 std::vector<char> bytes_of(const DuneState& state) {
     StateWriter out;
-    out.add(dune_state_format);
-    out.add_list(state.sand);
-    out.add_list(state.height_before);
-    out.add_list(state.plant_height);
-    for (const auto& list : state.seam_flux) out.add_list(list);
-    for (const auto& list : state.airborne) out.add_list(list);
-    out.add(state.seam_direction);
-    out.add(state.seam_saturated);
-    out.add(state.time);
-    out.add(state.step_before);
-    out.add(state.step_allowed);
-    out.add(state.steps);
-    out.add(state.in);
-    out.add(state.out);
+    out(dune_state_format);
+    visit_fields(state, out);
     return std::move(out.bytes);
 }
 
 bool read_bytes(std::span<const char> bytes, size_t samples, DuneState& state) {
     StateReader in(bytes);
     uint64_t format = 0;
-    in.get(format);
+    in(format);
     if (format != dune_state_format) return false;
-    in.get_list(state.sand);
-    in.get_list(state.height_before);
-    in.get_list(state.plant_height);
-    for (auto& list : state.seam_flux) in.get_list(list);
-    for (auto& list : state.airborne) in.get_list(list);
-    in.get(state.seam_direction);
-    in.get(state.seam_saturated);
-    in.get(state.time);
-    in.get(state.step_before);
-    in.get(state.step_allowed);
-    in.get(state.steps);
-    in.get(state.in);
-    in.get(state.out);
+    visit_fields(state, in);
     return in.at_end() && state.sand.size() == samples && state.height_before.size() == samples &&
            (state.plant_height.empty() || state.plant_height.size() == samples);
 }

@@ -1,26 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-// Image lookup for shaders. The renderer opens the images: it passes a TextureOpener to make_material().
+// How shaders get images: the renderer opens them and passes a TextureOpener to make_material().
 #pragma once
 
 #include "core/math/problem.h"
-#include "core/math/vec.h"
+#include "core/math/texture.h"
 
 #include <functional>
 #include <memory>
 #include <string>
 
 namespace marram {
-
-// What is beyond the unit square of uv: the pixels at its border, or the image again.
-enum class Wrap : unsigned char { clamp, repeat };
-
-class Texture {
-  public:
-    virtual ~Texture() = default;
-    // The mean over a square of side `width` (uv) around `uv`; v points up. Values are in [0, 1]; images with
-    // one channel give grey. Thread-safe.
-    virtual Vec3f at(const Vec2f& uv, float width, Wrap wrap) const = 0;
-};
 
 enum class TextureContent { color, data }; // data: no colour space conversion
 

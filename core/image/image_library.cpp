@@ -125,8 +125,8 @@ std::string write_sheet(const std::string& output, const std::vector<SheetPictur
     return library().write_sheet(output, pictures, layout, at);
 }
 
-std::shared_ptr<const TextureFile> open_texture_file(const std::string& file, ColorSpace space,
-                                                     const Place& place) {
+std::shared_ptr<const Texture> open_texture_file(const std::string& file, ColorSpace space,
+                                                 const Place& place) {
     return library_for_exr().open_texture_file(file, space, place);
 }
 

@@ -11,24 +11,15 @@
 
 #include "core/image/image.h"
 #include "core/math/problem.h"
-#include "core/math/vec.h"
+#include "core/math/texture.h"
 
 #include <memory>
 #include <string>
 
 namespace marram {
 
-class TextureFile {
-  public:
-    virtual ~TextureFile() = default;
-    // Returns the mean over a square of side `width` centred at `uv`; channels are 0 ... 1; v runs up.
-    // Outside the unit square the texture repeats, or continues with the pixels at its border. Images with
-    // fewer than three channels are grey. Thread-safe.
-    virtual Vec3f at(const Vec2f& uv, float width, bool repeat) const = 0;
-};
-
 // Throws InputError at `place` if the file is not an image, is truncated or has non-finite pixels.
-std::shared_ptr<const TextureFile> open_texture_file(const std::string& file, ColorSpace space,
-                                                     const Place& place);
+std::shared_ptr<const Texture> open_texture_file(const std::string& file, ColorSpace space,
+                                                 const Place& place);
 
 } // namespace marram

@@ -29,7 +29,7 @@ OIIO::TextureSystem& texture_system() {
     return *system;
 }
 
-class TiledTexture final : public TextureFile {
+class TiledTexture final : public Texture {
   public:
     // made: the temporary file, if `file` was converted.
     TiledTexture(const std::string& file, int channels, std::unique_ptr<TemporaryFile> made)
@@ -37,7 +37,8 @@ class TiledTexture final : public TextureFile {
           handle_(texture_system().get_texture_handle(OIIO::ustring(file))) {}
     bool good() const { return handle_ && texture_system().good(handle_); }
 
-    Vec3f at(const Vec2f& uv, float width, bool repeat) const override {
+    Vec3f at(const Vec2f& uv, float width, Wrap wrap) const override {
+        const bool repeat = wrap == Wrap::repeat;
         OIIO::TextureOpt options;
         options.swrap = options.twrap = repeat ? OIIO::TextureOpt::WrapPeriodic : OIIO::TextureOpt::WrapClamp;
         options.mipmode = OIIO::TextureOpt::MipModeTrilinear;
@@ -99,8 +100,8 @@ std::unique_ptr<TemporaryFile> make_texture(Image& image, const std::string& fil
 
 } // namespace
 
-std::shared_ptr<const TextureFile> open_texture_file(const std::string& file, ColorSpace space,
-                                                     const Place& place) {
+std::shared_ptr<const Texture> open_texture_file(const std::string& file, ColorSpace space,
+                                                 const Place& place) {
     // The whole file is read even if it is used as it is: truncated files and non-finite pixels must not be
     // found while rendering.
     Image image = read_image(file, space);

@@ -11,17 +11,6 @@
 namespace marram {
 namespace {
 
-class FileTexture final : public Texture {
-  public:
-    explicit FileTexture(std::shared_ptr<const TextureFile> file) : file_(std::move(file)) {}
-    Vec3f at(const Vec2f& uv, float width, Wrap wrap) const override {
-        return file_->at(uv, width, wrap == Wrap::repeat);
-    }
-
-  private:
-    std::shared_ptr<const TextureFile> file_;
-};
-
 // One file for each unit square of uv.
 class TiledFiles final : public Texture {
   public:
@@ -41,13 +30,14 @@ class TiledFiles final : public Texture {
             if ((i < u && !on_u) || (j < v && !on_v)) continue;
             const auto found = files_.find({i, j});
             if (found == files_.end()) continue;
-            return found->second->at(uv - Vec2f(static_cast<float>(i), static_cast<float>(j)), width, false);
+            return found->second->at(uv - Vec2f(static_cast<float>(i), static_cast<float>(j)), width,
+                                     Wrap::clamp);
         }
         return Vec3f::Zero();
     }
 
   private:
-    std::map<std::pair<int, int>, std::shared_ptr<const TextureFile>> files_; // by u, v
+    std::map<std::pair<int, int>, std::shared_ptr<const Texture>> files_; // by u, v
 };
 
 } // namespace
@@ -56,7 +46,7 @@ std::shared_ptr<const Texture> open_texture(const std::string& file, TextureCont
                                             const Place& place) {
     const ColorSpace space = content == TextureContent::color ? ColorSpace::color : ColorSpace::linear_data;
     if (has_udim(file)) return std::make_shared<TiledFiles>(file, space, place);
-    return std::make_shared<FileTexture>(open_texture_file(file, space, place));
+    return open_texture_file(file, space, place);
 }
 
 } // namespace marram

@@ -1,12 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // Loads a library of this project when it is first needed: code that few runs need and that takes long to load or to
-// build, because of what it depends on. The library lies in the folder of the one that loads it, or where the RUNPATH of
-// the program leads.
+// build, because of what it depends on. dlopen() finds it by LD_LIBRARY_PATH or by the RUNPATH of the caller, which CMakeLists.txt
+// sets to the folder of our libraries.
 #pragma once
 
 #include <dlfcn.h>
 
-#include <cstddef>
 #include <cstring>
 #include <stdexcept>
 #include <string>
@@ -16,7 +15,8 @@ namespace marram {
 // Functions: what the library exports, a struct that begins with
 //     const char* version;  // of the release
 //     size_t size;          // of the struct: detects another build
-// entry: the library's only symbol, const Functions* f(). It is never closed, so its objects stay valid. Throws
+// These two never change their place. entry: the name of the only function that the library exports, const Functions* f().
+// The library is never closed, so its objects stay valid. Throws
 // std::runtime_error with the reason if it cannot be loaded.
 template <typename Functions>
 const Functions& load_own_library(const char* file, const char* entry, const char* version) {

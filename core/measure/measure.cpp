@@ -1,14 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 // The settings of each dial are run in interleaved rounds, and the result is the median of the rounds' time
 // ratios, so that slow changes of the machine's speed cancel. The first round measures the errors and warms
-// up: its times count only if there is no second. The time is divided among the dials by their weights. A
-// setting that does not end in twice its dial's time is cancelled (TimeLimit), and the report lists it as not
-// measured.
+// up: its times count only if there is no second. The time is divided among the dials by their weights. The
+// settings of a dial share a limit of twice its time (TimeLimit): what has not ended then is cancelled, and the report lists
+// it as not measured.
 #include "core/measure/measure.h"
 
 #include "core/math/clock.h"
 #include "core/math/median.h"
 #include "core/measure/errors.h"
+#include "core/render/film.h"
+#include "core/render/integrator.h"
 #include "core/shot/scene/scene_camera.h"
 #include "core/shot/settings.h"
 
@@ -364,7 +366,7 @@ class BuildDial {
         rounds.set_base(result_.base);
         rounds.finish(result_.settings);
         mark_front(result_);
-        if (refused(base).empty()) choose_rule(base); // else nothing was measured
+        if (refused(base).empty()) describe_rule(base); // else nothing was measured
         return std::move(result_);
     }
 
@@ -380,7 +382,7 @@ class BuildDial {
     }
     void load(size_t i) { scenes_[i] = load_with(session_.request, limit_of(i).stop(), changes_of(i)); }
 
-    // Does work for a setting. Returns whether it ended; if not, the setting is refused.
+    // Does work for a setting. False: the setting is refused, for lack of time or by an error of the scene.
     template <typename Work>
     bool attempt(size_t i, const Work& work) {
         try {
@@ -409,7 +411,7 @@ class BuildDial {
                 continue;
             if (coarsest_first(dial_) && i != base) coarser = wall_seconds() - start;
             rounds.add(i, seconds_of(dial_, stats));
-            if (dial_.settings[i].own) own_ = stats.build;
+            if (dial_.settings[i].own) scene_stats_ = stats.build;
             if (dial_.settings[i].by_tolerance) by_tolerance_ = stats.build;
             add_errors(i, std::move(world), errors);
         }
@@ -444,9 +446,9 @@ class BuildDial {
             }
     }
 
-    void choose_rule(size_t base) {
+    void describe_rule(size_t base) {
         if (dial_.error == DialError::motion)
-            result_.rule = motion_rule(result_, scenes_[base], session_, own_);
+            result_.rule = motion_rule(result_, scenes_[base], session_, scene_stats_);
         if (dial_.law)
             result_.rule = dial_rule(result_, build_settings(scenes_[base], session_.frame).tolerance,
                                      by_tolerance_ ? &*by_tolerance_ : nullptr);
@@ -456,13 +458,12 @@ class BuildDial {
     const Dial& dial_;
     const Session& session_;
     const double end_;
-    // The first round may take twice the budget, so that a dial with a dear setting gets one round rather
-    // than none. Of this a simulation of the scene's own setting may take half. The procedurals of scenes_
-    // read these limits as long as they live.
+    // limit_: twice the budget, so that a dial with an expensive setting gets one round. own_limit_: half of that, for
+    // the scene's own setting if it is simulated. The procedurals of scenes_ read them as long as they live.
     const TimeLimit limit_, own_limit_;
     std::vector<Shot> scenes_;
     std::vector<size_t> order_;
-    BuildStats own_;
+    BuildStats scene_stats_;                 // of the scene's own setting
     std::optional<BuildStats> by_tolerance_; // of the setting that the tolerance chooses
 };
 

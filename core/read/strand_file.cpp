@@ -97,10 +97,17 @@ StrandFile load_strand_file(const std::string& file, const StrandReading& readin
         throw InputError({file}, "cvs_per_strand is for a .ply of points, and this is none",
                          "leave cvs_per_strand out");
     const std::string bytes = extension == ".hair" ? "" : read_text(file, kinds);
-    StrandFile strands = extension == ".hair"   ? read_hair_strands(file)
-                         : extension == ".usda" ? read_usda_strands(file, bytes, reading)
-                         : extension == ".ply"  ? read_ply_strands(file, bytes, reading)
-                                                : read_obj_strands(file, bytes);
+    StrandFile strands;
+    if (extension == ".hair")
+        strands = read_hair_strands(file);
+    else if (extension == ".usda")
+        strands = read_usda_strands(file, bytes, reading);
+    else if (extension == ".ply")
+        strands = read_ply_strands(file, bytes, reading);
+    else if (extension == ".obj")
+        strands = read_obj_strands(file, bytes);
+    else
+        throw std::logic_error("no reader for " + extension);
     if (reading.reverse) reverse_strands(strands);
     return strands;
 }

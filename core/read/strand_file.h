@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Reads strands and guides groomed in other programs, with all their attributes: .hair, .usda, .ply, .obj.
 //
-// To add a format, declare its read_<format>_strands() here and name its extension in load_strand_file().
+// To add a format: its extension in core/math/file_types.h, its read_<format>_strands() here and in a file of its own, and
+// a branch in load_strand_file().
 #pragma once
 
 #include "core/geometry/attribute_values.h"

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a sample adds to the layers of the film.
+// What a sample adds to the layers of the film. A layer's sums are followed by its number of samples. Shadow catchers add
+// their alpha in resolve() (film.cpp).
 #pragma once
 
 #include "core/render/path.h"

@@ -2,7 +2,7 @@
 // A path leaves the camera and has vertices 0 (the first hit), 1, 2, ... (`depth`). Its
 // throughput beta (`throughput`) is the product of f cos / p over the directions sampled so far; beta'
 // includes the direction sampled at this vertex. Direct light at each vertex is the integral of f cos L over
-// directions. It is estimated twice, with two sampling strategies weighted by the power heuristic (Veach,
+// directions. Its estimate is the sum of two, by two sampling strategies weighted by the power heuristic (Veach,
 // "Robust Monte Carlo Methods for Light Transport Simulation", 1997):
 //
 //   light sampling (next-event estimation), with pdf l (LightSample::pdf, LightRadiance::pdf):
@@ -11,7 +11,7 @@
 //     (beta' L) * p^2 / (l^2 + p^2), if the ray hits a light.
 //
 // Light that only one strategy can sample has weight 1: light seen directly by the camera, and delta lights.
-// Russian roulette (apply_russian_roulette): a path continues with probability q = min(1, largest channel of
+// Russian roulette (apply_russian_roulette), from vertex RenderSettings::roulette_depth on: a path continues with probability q = min(1, largest channel of
 // beta); beta is divided by q.
 //
 // Shadow rays are subject to roulette too (direct_light). C (`estimate`) is the luminance that an unoccluded
@@ -34,6 +34,9 @@
 // Real-Time Ray Tracing", 2019). The cone has width 0 at the camera and spreads by one pixel per unit
 // distance. From each vertex on it spreads by at least 1 / sqrt(pi p): the radius, half the width, of a disc
 // of solid angle 1 / p, which the sampled direction represents. Surface curvature is ignored.
+//
+// A camera ray that hits a shadow catcher ends there: the light that arrives with and without shadows (PathRadiance::caught)
+// gives the picture's alpha (film.cpp).
 //
 // Random numbers come in sets of four (Sampler::get_4d). Set 0: film and lens; set 1: time (without a lens,
 // the first of the lens numbers is the time). Then two sets per vertex: the first for lights and roulette,
@@ -63,6 +66,20 @@ float power_heuristic(float pdf, float other_pdf) {
     return 1.0F / (1.0F + ratio * ratio);
 }
 
+Vec3f direction_to(const LightSample& light, const SurfacePoint& hit) {
+    return light.at_infinity ? light.direction
+                             : Vec3f((light.target - hit.position).normalized().cast<float>());
+}
+
+Ray shadow_ray(const LightSample& light, const SurfacePoint& hit, const Vec3f& direction, float time,
+               uint32_t mask) {
+    constexpr double target_error = 0.0; // the target is already offset by its error
+    Ray ray = light.at_infinity ? spawn(hit, direction, time)
+                                : spawn_towards(hit, light.target, target_error, time);
+    ray.mask = mask;
+    return ray;
+}
+
 // Next-event estimation: samples one light. If the luminance of the contribution is below `nee_threshold`,
 // the shadow ray is traced with probability luminance / nee_threshold only, and its contribution is divided
 // by that. light_numbers: as for Lights::sample.
@@ -72,9 +89,7 @@ Vec3f direct_light(const RenderContext& context, const SurfacePoint& hit, const 
     const LightSample light_sample = context.lights.sample(hit.position, time, light_numbers);
     if (!(light_sample.pdf > 0.0F)) return Vec3f::Zero();
     if (context.settings.strategy == Strategy::bsdf_sampling && !light_sample.delta) return Vec3f::Zero();
-    const Vec3f direction = light_sample.at_infinity
-                                ? light_sample.direction
-                                : Vec3f((light_sample.target - hit.position).normalized().cast<float>());
+    const Vec3f direction = direction_to(light_sample, hit);
     const auto [f_cos, bsdf_pdf] = evaluate(bsdf, direction);
     if (!(f_cos.maxCoeff() > 0.0F)) return Vec3f::Zero();
     const bool single_strategy = light_sample.delta || context.settings.strategy == Strategy::light_sampling;
@@ -85,11 +100,8 @@ Vec3f direct_light(const RenderContext& context, const SurfacePoint& hit, const 
         if (!(light_sample.rr_u * nee_threshold < estimate)) return Vec3f::Zero();
         contribution *= nee_threshold / estimate;
     }
-    constexpr double target_error = 0.0; // the target is already offset by its error
-    Ray shadow_ray = light_sample.at_infinity ? spawn(hit, direction, time)
-                                              : spawn_towards(hit, light_sample.target, target_error, time);
-    shadow_ray.mask = MARRAM_CASTS_SHADOWS;
-    return occluded(context.world, shadow_ray, &counts) ? Vec3f::Zero() : contribution;
+    const Ray ray = shadow_ray(light_sample, hit, direction, time, MARRAM_CASTS_SHADOWS);
+    return occluded(context.world, ray, &counts) ? Vec3f::Zero() : contribution;
 }
 
 // MIS weight of light hit along a direction sampled from the BSDF; bsdf_pdf < 0: a camera ray.
@@ -100,7 +112,7 @@ float mis_weight(const RenderContext& context, float bsdf_pdf, float light_pdf) 
 }
 
 // w S of the shadow-ray roulette (see above). 0: every shadow ray is traced.
-float nee_threshold(const RenderContext& context, float luminance_stddev, uint32_t depth) {
+float shadow_rr_threshold(const RenderContext& context, float luminance_stddev, uint32_t depth) {
     if (depth == 0) return luminance_stddev * shadow_rr_scale_first;
     const float threshold = luminance_stddev * shadow_rr_scale_later;
     return context.settings.indirect_clamp > 0.0F
@@ -120,16 +132,12 @@ CaughtLight caught_light(const RenderContext& context, const SurfacePoint& hit, 
                          const std::array<float, 3>& light_numbers, RayCounts& counts) {
     const LightSample light_sample = context.lights.sample(hit.position, time, light_numbers);
     if (!(light_sample.pdf > 0.0F)) return {};
-    const Vec3f direction = light_sample.at_infinity
-                                ? light_sample.direction
-                                : Vec3f((light_sample.target - hit.position).normalized().cast<float>());
+    const Vec3f direction = direction_to(light_sample, hit);
     const float full =
         luminance(evaluate(bsdf, direction).value.cwiseProduct(light_sample.radiance)) / light_sample.pdf;
     if (!(full > 0.0F) || !std::isfinite(full)) return {};
-    Ray shadow_ray = light_sample.at_infinity ? spawn(hit, direction, time)
-                                              : spawn_towards(hit, light_sample.target, 0.0, time);
-    shadow_ray.mask = darkens_catchers;
-    return {occluded(context.world, shadow_ray, &counts) ? 0.0F : full, full};
+    const Ray ray = shadow_ray(light_sample, hit, direction, time, darkens_catchers);
+    return {occluded(context.world, ray, &counts) ? 0.0F : full, full};
 }
 
 } // namespace
@@ -191,7 +199,7 @@ PathRadiance trace_path(const RenderContext& context, Ray ray, float luminance_s
         Vec3f& direct_light_sum = depth == 0 ? path.direct : path.indirect;
         if (!context.lights.empty())
             direct_light_sum += direct_light(context, hit, bsdf, ray.time, throughput,
-                                             nee_threshold(context, luminance_stddev, depth),
+                                             shadow_rr_threshold(context, luminance_stddev, depth),
                                              {light_choice, light_u, light_v}, counts);
         BsdfSample next;
         if (!sample(bsdf, sampler.get_4d(set + 1), next)) return path;

@@ -21,7 +21,7 @@ bool has_attribute_buffers(const Buffers& buffers, size_t attribute_count) {
 
 } // namespace
 
-MarramStatus report_exception(const MarramHost& host, const std::string& subject, const char* less) {
+MarramStatus report_exception(const MarramHost& host, const std::string& subject, const char* memory_remedy) {
     const auto fault = [&](const std::string& id, const std::string& what, const char* remedy) {
         send(host, MARRAM_FAULT, id.c_str(), "", what, remedy);
     };
@@ -31,7 +31,7 @@ MarramStatus report_exception(const MarramHost& host, const std::string& subject
     } catch (const SceneFault& error) {
         send(host, MARRAM_FAULT, error.id.c_str(), error.place, error.what(), error.remedy);
     } catch (const std::bad_alloc&) {
-        fault(subject + ".memory", "there is not enough memory for the " + subject, less);
+        fault(subject + ".memory", "there is not enough memory for the " + subject, memory_remedy);
     } catch (const UnsetSize& error) {
         fault("contract.size", error.what(), "set it to the size of the struct");
     } catch (const std::exception& error) {

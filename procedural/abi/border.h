@@ -45,13 +45,14 @@ struct ReportSink {
 };
 
 // Sends the message of the exception that is being handled.
-MarramStatus report_exception(const MarramHost& host, const std::string& subject, const char* less);
+MarramStatus report_exception(const MarramHost& host, const std::string& subject, const char* memory_remedy);
 
 // Runs the body of a call, its loops on the host's executor, and turns exceptions into messages to the
-// host. subject: e.g. "groom", for message ids and texts. less: the remedy if memory runs out. Returns
+// host. subject: e.g. "groom", for message ids and texts. memory_remedy: what to do if memory runs out. Returns
 // MARRAM_ERROR without a message if there is no memory for one.
 template <typename Body>
-MarramStatus guarded(const MarramHost& host, const char* subject, const char* less, Body&& body) noexcept {
+MarramStatus guarded(const MarramHost& host, const char* subject, const char* memory_remedy,
+                     Body&& body) noexcept {
     try {
         const ExecutorScope executor(&host);
         try {
@@ -62,7 +63,7 @@ MarramStatus guarded(const MarramHost& host, const char* subject, const char* le
         } catch (const Reported&) {
             return MARRAM_ERROR;
         } catch (...) {
-            return report_exception(host, subject, less);
+            return report_exception(host, subject, memory_remedy);
         }
     } catch (...) {
         return MARRAM_ERROR;

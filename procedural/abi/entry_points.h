@@ -5,7 +5,7 @@
 //
 // The class derives from Instance and has the members
 //     static constexpr const char *name, *help;  // `name`: the type in scene files
-//     static constexpr const char* less;         // the remedy if memory runs out
+//     static constexpr const char* memory_remedy;         // the remedy if memory runs out
 //     static params();                           // its MarramParam
 //     static report_entries();                   // its MarramReportEntry
 //     void take(std::span<const MarramValue>);   // stores checked values, or throws and changes nothing
@@ -104,7 +104,7 @@ class EntryPoints {
     static MarramStatus call(MarramInstance* opaque, Body&& body) {
         if (!opaque) return MARRAM_ERROR;
         P& instance = instance_of(opaque);
-        return guarded(instance.host, P::name, P::less, [&] { body(instance); });
+        return guarded(instance.host, P::name, P::memory_remedy, [&] { body(instance); });
     }
 
     static std::vector<MarramValue> checked_values(const MarramHost& host, const MarramValues* values) {
@@ -129,7 +129,7 @@ class EntryPoints {
     static MarramStatus create(const MarramHost* host, const MarramValues* values, MarramInstance** out) {
         if (!can_create(host, out)) return MARRAM_ERROR;
         const MarramHost known = known_part(host);
-        return guarded(known, P::name, P::less, [&] {
+        return guarded(known, P::name, P::memory_remedy, [&] {
             const std::vector<MarramValue> list = checked_values(known, values);
             auto instance = std::make_unique<P>();
             instance->host = known;

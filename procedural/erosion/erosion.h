@@ -17,6 +17,7 @@ namespace marram {
 
 inline constexpr int max_erosion_levels = 6;
 
+// A scene's defaults are in rock_declaration.cpp; these initial values are for callers that set a few.
 struct ErosionSettings {
     int stop_after = max_erosion_levels; // levels to compute; a coarse level previews the finer ones
     int levels = 3;                      // each halves the voxel size; 1 to max_erosion_levels

@@ -30,6 +30,7 @@ struct WornMesh {
     bool quads = false;
 };
 
+// A scene's defaults are in rock_declaration.cpp; these initial values are for callers that set a few.
 struct GrainSettings {
     uint64_t paths = 1 << 20; // number of grains, 1 to 2^28
     uint32_t seed = 0;

@@ -194,7 +194,7 @@ std::vector<std::vector<CellVertex>> cell_vertices(const FloatTree& phi, const L
         for (size_t n = begin; n < end; ++n) {
             block.gather(Neighbourhood<FloatTree>(accessor, leaves.leaf(n).origin()));
             int32_t* const ids = cells.leaf(n).buffer().data();
-            std::fill_n(ids, leaf_size, -1);
+            std::fill_n(ids, leaf_voxels, -1);
             const InsideRows<2> rows(block);
             for_voxels([&](int i, int j) { return rows.mixed_cells(i, j); },
                        [&](int i, int j, int k) {
@@ -311,7 +311,7 @@ void LevelSet::Data::place_vertices(const Leaves& leaves, CellLeaves& cell_leave
         for (size_t n = begin; n < end; ++n) {
             int32_t* const ids = cell_leaves.leaf(n).buffer().data();
             const Coord origin = leaves.leaf(n).origin();
-            for (int at = 0; at < leaf_size; ++at) {
+            for (int at = 0; at < leaf_voxels; ++at) {
                 if (ids[at] < 0) continue;
                 const auto& [place, normal] = made[n][size_t(ids[at])];
                 const size_t v = first[n] + size_t(ids[at]);
@@ -439,7 +439,7 @@ LevelSet LevelSet::refined(double offset) const {
                 const int pi = part >> 2, pj = part >> 1 & 1, pk = part & 1;
                 const Coord at(2 * origin.x() + 8 * pi, 2 * origin.y() + 8 * pj, 2 * origin.z() + 8 * pk);
                 auto leaf = std::make_unique<Leaf>(at, band);
-                for (int v = 0; v < leaf_size; ++v) {
+                for (int v = 0; v < leaf_voxels; ++v) {
                     const int i = v >> 6, j = v >> 3 & 7, k = v & 7;
                     const float value = fine.values[size_t(
                         ((8 * pi + i) * Doubled::side + 8 * pj + j) * Doubled::side + 8 * pk + k)];
@@ -474,7 +474,7 @@ void LevelSet::intersect(const LevelSet& other) {
             float* const phi = leaf.buffer().data();
             const Leaf* const its = accessor.probeConstLeaf(leaf.origin());
             const float tile = its ? 0.0F : accessor.getValue(leaf.origin());
-            for (int at = 0; at < leaf_size; ++at)
+            for (int at = 0; at < leaf_voxels; ++at)
                 phi[at] = std::max(phi[at], its ? its->buffer().data()[at] : tile);
         }
     });
@@ -523,7 +523,7 @@ void smoothed_distance(const LevelMesh& mesh, double sigma, std::span<const floa
             for (size_t n = begin; n < end; ++n) {
                 phi.gather(Neighbourhood<FloatTree>(accessor, leaves.leaf(n).origin()));
                 float* const to = leaves.getBuffer(n, 1).data();
-                for (int at = 0; at < leaf_size; ++at) {
+                for (int at = 0; at < leaf_voxels; ++at) {
                     float sum = 0.0F;
                     for (int a = -1; a <= 1; ++a)
                         for (int b = -1; b <= 1; ++b)

@@ -129,7 +129,7 @@ void update_leaves(FloatTree& tree, Leaves& leaves, bool worn, F&& update) {
             const Leaf& leaf = leaves.leaf(n);
             phi.gather(Neighbourhood<FloatTree>(accessor, leaf.origin()));
             float* const to = leaves.getBuffer(n, 2).data();
-            std::copy_n(leaf.buffer().data(), leaf_size, to);
+            std::copy_n(leaf.buffer().data(), leaf_voxels, to);
             update(active_rows(leaf), phi, worn ? leaves.getBuffer(n, 1).data() : nullptr, to);
         }
     });
@@ -149,7 +149,7 @@ void trim(FloatTree& tree, const Leaves& leaves) {
         for (size_t n = begin; n < end; ++n) {
             Leaf& leaf = leaves.leaf(n);
             float* const phi = leaf.buffer().data();
-            for (openvdb::Index at = 0; at < openvdb::Index(leaf_size); ++at)
+            for (openvdb::Index at = 0; at < openvdb::Index(leaf_voxels); ++at)
                 if (leaf.isValueOn(at) && !(std::abs(phi[at]) < band)) {
                     phi[at] = std::copysign(band, phi[at]);
                     leaf.setValueOff(at);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The voxels of a level set by leaves of 8 x 8 x 8, with their neighbours, for level_set.cpp alone: it includes OpenVDB.
+// The voxels of a level set by leaves of 8 x 8 x 8, with their neighbours. Includes OpenVDB: only for level_set.cpp and
+// level_set_distances.h.
 #pragma once
 
 #include "procedural/abi/parallel.h"
@@ -25,11 +26,11 @@ using Leaf = FloatTree::LeafNodeType;
 using Leaves = openvdb::tree::LeafManager<FloatTree>;
 using CellLeaves = openvdb::tree::LeafManager<Int32Tree>;
 
-inline constexpr int leaf_side = 8, leaf_size = leaf_side * leaf_side * leaf_side;
+inline constexpr int leaf_side = 8, leaf_voxels = leaf_side * leaf_side * leaf_side;
 inline constexpr float band = float(level_set_band);
 inline constexpr float min_inside_cell = 0.02F;
 
-// Here phi is in voxels.
+// phi: the signed distance, negative in rock, in voxels.
 
 // A leaf and its 26 neighbours, or the values of tiles in their place.
 template <typename Tree>
@@ -81,7 +82,7 @@ struct Block {
     }
 
   private:
-    // A fixed number of values: no call of a library, which took a sixth of the time.
+    // `count` is a constant, so that memcpy is inlined: a call took a sixth of the time.
     template <int count, typename Tree>
     static void gather_part(const Neighbourhood<Tree>& around, size_t n, int from, T* out) {
         if (const T* const leaf = around.leaf[n])

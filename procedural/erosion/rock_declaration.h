@@ -10,7 +10,7 @@
 
 namespace marram {
 
-// RockInstance::mesh() writes their values in this order; make_rock_maps() bakes the first two.
+// RockInstance::mesh() writes their values in this order; make_rock_maps() bakes the first two (rock_instance.h).
 inline constexpr std::array rock_attributes = {
     MarramAttribute{"wear", 1, MARRAM_PER_VERTEX, 0, "what the wind wears, 0 to 1 of the parameter full",
                     nullptr, 0},
@@ -22,7 +22,8 @@ inline constexpr std::array rock_attributes = {
 // The static members that entry_points.h asks for.
 struct RockDeclaration {
     static constexpr const char *name = "rock", *help = "a mesh with what wind-blown sand wears of it";
-    static constexpr const char* less = "make voxel larger, use a mesh of fewer triangles, or a smaller map";
+    static constexpr const char* memory_remedy =
+        "make voxel larger, use a mesh of fewer triangles, or a smaller map";
     static const std::vector<MarramParam>& params();
     static std::span<const MarramAttribute> type_attributes() { return rock_attributes; }
     static std::span<const MarramReportEntry> report_entries();

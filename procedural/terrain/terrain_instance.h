@@ -70,7 +70,7 @@ struct TerrainInstance : Instance {
     // The members that entry_points.h asks for (terrain.cpp).
     static constexpr const char *name = "terrain",
                                 *help = "a desert as a stack of layers: rock, dunes, masks";
-    static constexpr const char* less = "make cell larger or size smaller";
+    static constexpr const char* memory_remedy = "make cell larger or size smaller";
     static const std::vector<MarramParam>& params();
     static std::span<const MarramItemType> item_types();
     static std::span<const MarramReportEntry> report_entries();

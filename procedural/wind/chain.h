@@ -3,9 +3,10 @@
 //
 //     gusts, shielding (both set the envelope) -> bend -> jiggle -> collision
 //
-// To add a stage: a function on Strands, with its settings and parameters, in files of its own; its settings
-// in Wind, and its parameters in wind.cpp, which reads them; its call in run_chain(), or in bend_at() if jiggle
-// needs it in the past, too; its member and its row in StageClock, from which its statistics come.
+// To add a stage: <stage>.{h,cpp} with its settings, <stage>_params(), read_<stage>() and a function on Strands; its
+// settings in Wind (wind.h); its parameters and its reader in wind_params() and read_wind() (wind.cpp); its call in
+// run_chain(), or in bend_at() if jiggle needs it in the past, too; a member of StageClock and its row in stages()
+// (chain.cpp), from which its statistics come; its words in wind_summary() (strands/wind_words.cpp).
 #pragma once
 
 #include "core/math/clock.h"

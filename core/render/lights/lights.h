@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // All lights of a scene, and the registry of their types.
 //
-// Each light type has its own file, <type>_light.h, with its parameters, a description as given in a scene,
+// Each light type has its own file, <type>_light.h (daylight's are in daylight_lights.h), with its parameters, a description as given in a scene,
 // and a sampler made from that for rendering.
 //
 // To add a light type: write its file, and add it to LightDescription, LightSampler, sampler_of (without it

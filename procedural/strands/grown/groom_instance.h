@@ -68,7 +68,7 @@ struct GroomInstance : StrandInstance {
     static constexpr const char* name = "groom";
     static constexpr const char* help =
         "hair, fur or grass that grows on a mesh and bends in the scene's wind";
-    static constexpr const char* less = "lower its density or count";
+    static constexpr const char* memory_remedy = "lower its density or count";
     static const std::vector<MarramParam>& params();
     static std::span<const MarramAttribute> type_attributes();
     static std::span<const MarramReportEntry> report_entries();

@@ -95,6 +95,7 @@ struct Clump {
 };
 constexpr size_t max_clumps = 4;
 
+// A scene's defaults are in groom_settings.cpp; these initial values are for tests that set a few.
 struct Groom {
     std::string mesh, mesh_place;
     double density = 0.0; // roots per square metre; 0 if count is given

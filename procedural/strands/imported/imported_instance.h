@@ -59,7 +59,7 @@ struct ImportInstance : StrandInstance {
     static constexpr const char* help =
         "hair, fur or grass that was groomed elsewhere, on a mesh or in the open, "
         "and bends in the scene's wind";
-    static constexpr const char* less = "use a file with fewer strands";
+    static constexpr const char* memory_remedy = "use a file with fewer strands";
     static const std::vector<MarramParam>& params();
     static std::span<const MarramAttribute> type_attributes();
     static std::span<const MarramReportEntry> report_entries();

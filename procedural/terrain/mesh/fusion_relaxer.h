@@ -13,12 +13,13 @@ namespace marram {
 
 inline constexpr int fusion_block_columns = 16, fusion_block_rows = 8; // quads of a block
 
-// Height differences between neighbours, in sand units: tangent times sample distance.
+// Height differences between neighbours, in sand units: tangent times sample distance. Triangles above `trigger` move, until
+// they are at `target`.
 struct FusionSlopes {
     double trigger, target;
 };
 
-// One grid level: the samples, or means over 2^level by 2^level of them. Each row stores its even columns
+// One grid level: the samples, or one for 2^level by 2^level of them (fusion_coarsen_row). Each row stores its even columns
 // first, then the odd ones, so the corners of eight quads of one colour are contiguous.
 class FusionGrid {
   public:
@@ -37,7 +38,7 @@ class FusionGrid {
     int tile_columns() const { return (nx + Tiles::side - 1) / Tiles::side; }
     int tile_rows() const { return (nz + Tiles::side - 1) / Tiles::side; }
     double height(size_t k) const { return ground[k] + sand[k]; }
-    // Padding after a row is loaded with full vectors but has no effect.
+    // Zeroes the padding after row j, which is loaded with full vectors.
     void clear_padding(int j) {
         for (const int odd : {0, 1})
             for (int k = (nx + 1 - odd) / 2; k < half; ++k) {
@@ -60,8 +61,9 @@ class FusionRelaxer {
     }
 
     FusionGrid& finest() { return *grids_[0]; }
+    // Squared height difference of the steepest triangle with sand at all corners. Overwrites finest().active.
     double steepest_squared();
-    // Returns false if cancelled.
+    // Returns false if cancelled. If it does not settle, result.settled is false.
     bool relax(FusionResult& result);
 
   private:

@@ -21,8 +21,9 @@ MARRAM_INLINE int64_t mesh_twice_area(const MeshPoint& a, const MeshPoint& b, co
     return int64_t(b.j - a.j) * (c.i - a.i) - int64_t(b.i - a.i) * (c.j - a.j);
 }
 
-// Heights of a tile and weights (1 / tolerance). With a gradient tolerance also slopes and their weights (1 /
-// squared tolerance). Border samples have weight 0: their vertices are already chosen. Rows are padded for
+// Heights of a tile and weights; an error times its weight is compared with `threshold`. Constant tolerance: weights 1, and
+// the tolerance as threshold. With cameras or a gradient tolerance: weights 1 / tolerance, threshold 1. With a gradient
+// tolerance also slopes, and all errors are squared. Border samples have weight 0: their vertices are already chosen. Rows are padded for
 // vector loads.
 struct MeshGrid {
     int width = 0, depth = 0, stride = 0; // cells; floats from row to row

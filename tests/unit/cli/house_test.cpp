@@ -40,7 +40,7 @@ const std::map<std::string, std::set<std::string>> rules = {
       "core/trace", "core/world", "core/write", "core/render", "shaders"}},
     {"core/page", {"core/math", "core/image"}},
     {"core/compare", {"core/math", "core/image", "core/page"}},
-    {"core/measure", {"core/math", "core/trace", "core/world", "core/page", "core/shot"}},
+    {"core/measure", {"core/math", "core/trace", "core/world", "core/render", "core/page", "core/shot"}},
     {"core/manual", {"core/math", "core/scene", "core/host", "core/render", "core/shot"}},
     {"core/cli",
      {"core/math", "core/scene", "core/image", "core/write", "core/page", "core/shot", "core/compare",

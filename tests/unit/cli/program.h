@@ -6,6 +6,7 @@
 #include "core/image/image.h"
 #include "core/image/image_library.h"
 #include "core/math/problem.h"
+#include "tests/unit/files.h"
 
 #include <fmt/format.h>
 #include <gtest/gtest.h>
@@ -30,11 +31,6 @@ namespace marram::testing {
 namespace fs = std::filesystem;
 
 inline const std::string program = MARRAM_BINARY_DIR "/marram";
-
-inline std::string read_file(const fs::path& path) {
-    std::ifstream file(path, std::ios::binary);
-    return std::string(std::istreambuf_iterator<char>(file), {});
-}
 
 // A temporary folder, removed when the test ends.
 class Folder {
@@ -65,7 +61,8 @@ class Folder {
     }
     std::set<std::string> names() const {
         std::set<std::string> all;
-        for (const auto& [name, text] : contents()) all.insert(name);
+        for (const auto& entry : fs::recursive_directory_iterator(path_))
+            if (entry.is_regular_file()) all.insert(fs::relative(entry.path(), path_).string());
         return all;
     }
 

@@ -3,6 +3,7 @@
 #include "core/host/state_store.h"
 
 #include "core/math/problem.h"
+#include "tests/unit/files.h"
 
 #include <gtest/gtest.h>
 
@@ -29,10 +30,7 @@ class StateFolder : public ::testing::Test {
     std::string path(const char* name) const {
         return (folder / "d.states/desert-0000000000000007" / name).string();
     }
-    static std::string get(const fs::path& file) {
-        std::ifstream in(file, std::ios::binary);
-        return {std::istreambuf_iterator<char>(in), {}};
-    }
+    static std::string get(const fs::path& file) { return marram::testing::read_file(file); }
 
     fs::path folder;
 };

@@ -5,6 +5,7 @@
 #include "core/image/doubles.h"
 #include "core/image/image.h"
 #include "core/math/problem.h"
+#include "tests/unit/files.h"
 
 #include <gtest/gtest.h>
 
@@ -45,10 +46,7 @@ class AtomicFiles : public ::testing::Test {
     ~AtomicFiles() override { fs::remove_all(folder); }
 
     std::string path(const char* name) const { return (folder / name).string(); }
-    static std::string get(const std::string& path) {
-        std::ifstream file(path, std::ios::binary);
-        return {std::istreambuf_iterator<char>(file), {}};
-    }
+    static std::string get(const std::string& path) { return marram::testing::read_file(path); }
     size_t count() const { return size_t(std::distance(fs::directory_iterator(folder), {})); }
 
     // Writes with every size limit that is too small, then with the smallest sufficient one.

@@ -4,6 +4,7 @@
 
 #include "core/image/image.h"
 #include "core/math/problem.h"
+#include "tests/unit/files.h"
 
 #include <gtest/gtest.h>
 
@@ -116,9 +117,7 @@ TEST_F(Sheet, WritesCaptions) {
     EXPECT_GT(ink_in(cut, 208, 400, 104, cut.height), 15);
     // The same bytes on a second run.
     write_sheet(path("u.png"), {{a, "12"}, {b, ""}}, layout);
-    std::ifstream first(path("s.png"), std::ios::binary), second(path("u.png"), std::ios::binary);
-    EXPECT_TRUE(std::string(std::istreambuf_iterator<char>(first), {}) ==
-                std::string(std::istreambuf_iterator<char>(second), {}));
+    EXPECT_TRUE(marram::testing::read_file(path("s.png")) == marram::testing::read_file(path("u.png")));
 }
 
 TEST_F(Sheet, HasNoCaptionsWithoutAFontAndSaysSo) {

@@ -3,6 +3,7 @@
 #include "core/read/level_set_file.h"
 #include "core/read/mesh_file.h"
 #include "core/write/grid_export.h"
+#include "tests/unit/files.h"
 
 #include <gtest/gtest.h>
 
@@ -32,10 +33,7 @@ struct LevelSetFile : ::testing::Test {
     void write_bytes(const std::string& bytes) const {
         std::ofstream(path, std::ios::binary | std::ios::trunc) << bytes;
     }
-    std::string bytes() const {
-        std::ifstream in(path, std::ios::binary);
-        return {std::istreambuf_iterator<char>(in), {}};
-    }
+    std::string bytes() const { return marram::testing::read_file(path); }
     void write_grid(const openvdb::GridBase::Ptr& grid) const {
         std::ostringstream out;
         openvdb::io::Stream(out).write(openvdb::GridPtrVec{grid});

@@ -7,6 +7,7 @@
 #include "core/read/usda/usda.h"
 #include "core/read/usda/usda_curves.h"
 #include "core/write/curve_export.h"
+#include "tests/unit/files.h"
 
 #include <fmt/format.h>
 #include <gtest/gtest.h>
@@ -34,10 +35,7 @@ struct StrandFiles : ::testing::Test {
         std::ofstream(folder / name, std::ios::binary) << bytes;
         return path(name);
     }
-    std::string get(const std::string& name) const {
-        std::ifstream file(folder / name, std::ios::binary);
-        return {std::istreambuf_iterator<char>(file), {}};
-    }
+    std::string get(const std::string& name) const { return marram::testing::read_file(folder / name); }
     StrandFile load(const std::string& name, const std::string& bytes) const {
         return load_strand_file(write(name, bytes), {24.0});
     }

@@ -5,6 +5,7 @@
 #include "core/read/grid_placement.h"
 #include "core/read/mesh_file.h"
 #include "core/write/grid_export.h"
+#include "tests/unit/files.h"
 
 #include <fmt/format.h>
 #include <gtest/gtest.h>
@@ -49,10 +50,7 @@ struct GridFiles : ::testing::Test {
     }
     ~GridFiles() override { fs::remove_all(folder); }
     std::string path(const std::string& name) const { return (folder / name).string(); }
-    std::string bytes(const std::string& name) const {
-        std::ifstream file(folder / name, std::ios::binary);
-        return {std::istreambuf_iterator<char>(file), {}};
-    }
+    std::string bytes(const std::string& name) const { return marram::testing::read_file(folder / name); }
 };
 
 TEST_F(GridFiles, EveryFormatSaysWhereItLies) {

@@ -119,7 +119,7 @@ TEST(Determinism, TheProgramOnOneThreadAndOnMany) {
     const auto bake = [&](const std::string& name, std::vector<std::string> more) {
         more.insert(more.begin(), {"bake", scene, "--quiet", "-o", folder / name});
         EXPECT_DONE(testing::marram(more));
-        return testing::read_file(folder / name);
+        return read_file(folder / name);
     };
     for (const std::string frame : {"1", "17.3", "240"}) {
         const std::string one = bake("one.hair", {"--frame", frame, "--threads", "1"});

@@ -7,7 +7,7 @@
 #include <iterator>
 #include <string>
 
-namespace marram::testing {
+namespace marram {
 
 // "" if there is no such file.
 inline std::string read_file(const std::filesystem::path& path) {
@@ -17,4 +17,4 @@ inline std::string read_file(const std::filesystem::path& path) {
     return bytes;
 }
 
-} // namespace marram::testing
+} // namespace marram

@@ -30,7 +30,7 @@ class StateFolder : public ::testing::Test {
     std::string path(const char* name) const {
         return (folder / "d.states/desert-0000000000000007" / name).string();
     }
-    static std::string get(const fs::path& file) { return marram::testing::read_file(file); }
+    static std::string get(const fs::path& file) { return marram::read_file(file); }
 
     fs::path folder;
 };

@@ -46,7 +46,7 @@ class AtomicFiles : public ::testing::Test {
     ~AtomicFiles() override { fs::remove_all(folder); }
 
     std::string path(const char* name) const { return (folder / name).string(); }
-    static std::string get(const std::string& path) { return marram::testing::read_file(path); }
+    static std::string get(const std::string& path) { return marram::read_file(path); }
     size_t count() const { return size_t(std::distance(fs::directory_iterator(folder), {})); }
 
     // Writes with every size limit that is too small, then with the smallest sufficient one.

@@ -117,7 +117,7 @@ TEST_F(Sheet, WritesCaptions) {
     EXPECT_GT(ink_in(cut, 208, 400, 104, cut.height), 15);
     // The same bytes on a second run.
     write_sheet(path("u.png"), {{a, "12"}, {b, ""}}, layout);
-    EXPECT_TRUE(marram::testing::read_file(path("s.png")) == marram::testing::read_file(path("u.png")));
+    EXPECT_TRUE(marram::read_file(path("s.png")) == marram::read_file(path("u.png")));
 }
 
 TEST_F(Sheet, HasNoCaptionsWithoutAFontAndSaysSo) {

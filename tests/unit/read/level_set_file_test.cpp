@@ -33,7 +33,7 @@ struct LevelSetFile : ::testing::Test {
     void write_bytes(const std::string& bytes) const {
         std::ofstream(path, std::ios::binary | std::ios::trunc) << bytes;
     }
-    std::string bytes() const { return marram::testing::read_file(path); }
+    std::string bytes() const { return marram::read_file(path); }
     void write_grid(const openvdb::GridBase::Ptr& grid) const {
         std::ostringstream out;
         openvdb::io::Stream(out).write(openvdb::GridPtrVec{grid});

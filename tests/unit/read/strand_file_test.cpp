@@ -35,7 +35,7 @@ struct StrandFiles : ::testing::Test {
         std::ofstream(folder / name, std::ios::binary) << bytes;
         return path(name);
     }
-    std::string get(const std::string& name) const { return marram::testing::read_file(folder / name); }
+    std::string get(const std::string& name) const { return marram::read_file(folder / name); }
     StrandFile load(const std::string& name, const std::string& bytes) const {
         return load_strand_file(write(name, bytes), {24.0});
     }

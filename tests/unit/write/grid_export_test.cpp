@@ -50,7 +50,7 @@ struct GridFiles : ::testing::Test {
     }
     ~GridFiles() override { fs::remove_all(folder); }
     std::string path(const std::string& name) const { return (folder / name).string(); }
-    std::string bytes(const std::string& name) const { return marram::testing::read_file(folder / name); }
+    std::string bytes(const std::string& name) const { return marram::read_file(folder / name); }
 };
 
 TEST_F(GridFiles, EveryFormatSaysWhereItLies) {

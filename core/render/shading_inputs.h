@@ -35,11 +35,11 @@ struct RenderContext {
     std::vector<const AttributeValues*>
         layer_attributes; // [geometry ID * film layers + layer] or nullptr: attribute of this layer (AOV)
     bool has_motion_blur;
-    float pixel_spread; // width of a pixel per metre, at the image centre
+    float pixel_spread; // metres that a pixel is wide, a metre from the camera, at the image centre
     bool wants_albedo = false;
 };
 
-// Finds the attributes in `context` that shading and the film's layers read.
+// Sets the attributes in `context` that shading and the film's layers read.
 void find_attributes(RenderContext& context, const Film& film);
 
 // The value of an attribute at a ray hit; unused components are 0.

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// The bytes of a state that a host keeps (MarramStates): numbers, plain structs without padding, lists of these, and
-// arrays of lists. A state has one function that passes its fields to either class, in the order of the bytes:
+// A procedural's state as bytes, which the host keeps (MarramStates): numbers and structs without padding or pointers as
+// they lie in memory, std::vectors of these after their count, std::arrays of vectors. Not for other machines. A state has
+// one function that passes its fields to a StateWriter or a StateReader, in the order of the bytes:
 //     void visit_fields(auto& state, auto& visit) { visit(state.time, state.sand); }
 #pragma once
 
@@ -34,6 +35,7 @@ class StateWriter {
     }
     template <typename T>
     void add(const std::vector<T>& list) {
+        static_assert(std::is_trivially_copyable_v<T>);
         add(uint64_t(list.size()));
         append(list.data(), list.size() * sizeof(T));
     }
@@ -45,41 +47,42 @@ class StateWriter {
 
 class StateReader {
   public:
-    explicit StateReader(std::span<const char> bytes) : left_(bytes) {}
-    // Fields keep their values from where the bytes end.
+    explicit StateReader(std::span<const char> bytes) : remaining_(bytes) {}
+    // If the bytes run out, that field and all later ones stay as they are.
     template <typename... Fields>
     void operator()(Fields&... fields) {
         (get(fields), ...);
     }
-    // All fields were read, and nothing is left.
-    bool at_end() const { return whole_ && left_.empty(); }
+    // All fields were there, and no bytes are left.
+    bool at_end() const { return ok_ && remaining_.empty(); }
 
   private:
     template <typename T>
     void get(T& value) {
         static_assert(std::is_trivially_copyable_v<T>);
-        whole_ = whole_ && left_.size() >= sizeof value;
-        if (!whole_) return;
-        std::memcpy(&value, left_.data(), sizeof value);
-        left_ = left_.subspan(sizeof value);
+        ok_ = ok_ && remaining_.size() >= sizeof value;
+        if (!ok_) return;
+        std::memcpy(&value, remaining_.data(), sizeof value);
+        remaining_ = remaining_.subspan(sizeof value);
     }
     template <typename T>
     void get(std::vector<T>& list) {
+        static_assert(std::is_trivially_copyable_v<T>);
         uint64_t count = 0;
         get(count);
-        whole_ = whole_ && count <= left_.size() / sizeof(T);
-        if (!whole_) return;
+        ok_ = ok_ && count <= remaining_.size() / sizeof(T);
+        if (!ok_) return;
         list.resize(count);
-        if (count > 0) std::memcpy(list.data(), left_.data(), count * sizeof(T));
-        left_ = left_.subspan(count * sizeof(T));
+        if (count > 0) std::memcpy(list.data(), remaining_.data(), count * sizeof(T));
+        remaining_ = remaining_.subspan(count * sizeof(T));
     }
     template <typename T, size_t n>
     void get(std::array<std::vector<T>, n>& lists) {
         for (auto& list : lists) get(list);
     }
 
-    std::span<const char> left_;
-    bool whole_ = true;
+    std::span<const char> remaining_;
+    bool ok_ = true;
 };
 
 } // namespace marram

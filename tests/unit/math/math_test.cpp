@@ -2,6 +2,7 @@
 #include "core/math/hash.h"
 #include "core/math/problem.h"
 #include "core/math/ramp.h"
+#include "core/math/rotation.h"
 #include "core/math/transform.h"
 
 #include <gtest/gtest.h>
@@ -109,6 +110,27 @@ TEST(OrthonormalBasis, HoldsInEveryDirection) {
         EXPECT_NEAR(t.norm(), 1.0, 1e-12);
         EXPECT_NEAR(t.dot(n), 0.0, 1e-12);
         EXPECT_LT((n.cross(t) - b).norm(), 1e-12);
+    }
+}
+
+// The bounds that rotation.h states, at angles that come ever closer to half a turn.
+TEST(ShortestRotation, TurnsOneDirectionToAnotherWithinItsErrors) {
+    constexpr double e = 0x1p-52;
+    std::vector<double> gaps = {0.0, pi, pi - 1e-9}; // to half a turn
+    for (double gap = 1.0; gap > 1e-18; gap *= 0.4) gaps.push_back(gap);
+    for (uint64_t i = 0; i < 200; ++i) {
+        const auto random = [&](uint64_t k) { return 2.0 * unit_double(hash(i, k)) - 1.0; };
+        const Vec3d from = Vec3d(random(1), random(2), random(3)).normalized();
+        const Vec3d side = from.cross(Vec3d(random(4), random(5), random(6))).normalized();
+        for (const double gap : gaps) {
+            SCOPED_TRACE(gap);
+            const Vec3d to = std::sin(gap) * side - std::cos(gap) * from;
+            const double d = 2.0 * std::pow(std::sin(0.5 * gap), 2.0); // 1 + cos(angle)
+            const Eigen::Quaterniond q = shortest_rotation(1e-7 * from, 1e5 * to);
+            EXPECT_NEAR(q.norm(), 1.0, std::min(5e-4, 4.0 * e / d) + 4.0 * e);
+            EXPECT_LT((q.normalized() * from - to).norm(),
+                      std::min(std::sqrt(8.0 * e), 8.0 * e / std::sqrt(d)) + 8.0 * e);
+        }
     }
 }
 

@@ -105,7 +105,7 @@ typedef struct MarramGrid {
     /* Metres; of an image: (u, v, 0) of the center of the top left pixel. An image whose name contains <UDIM> covers all of its
        tiles, each a unit square of uv with as many pixels; missing tiles are NaN. */
     double origin[3];
-    double axes[3][3];   /* from a sample to the next in x, y, z */
+    double axes[3][3]; /* from a sample to the next in x, y, z */
     const float* values;
 } MarramGrid;
 
@@ -148,7 +148,9 @@ typedef struct MarramMesh {
      * is not an instance itself, has the same triangles and comes before it. Strands on that mesh are
      * instanced with it. */
     uint32_t instance_of;
-    uint32_t moves; /* 1: its vertices differ at other frames, see MarramFrame.pose */
+    /* 1: its vertices differ at other frames, see MarramFrame.pose. 0 with one motion sample: they never do, and the past
+     * is not asked for. */
+    uint32_t moves;
 } MarramMesh;
 
 typedef enum MarramBasis { MARRAM_BSPLINE = 0, MARRAM_CATMULL_ROM = 1, MARRAM_LINEAR = 2 } MarramBasis;
@@ -334,7 +336,8 @@ typedef struct MarramFrame { /* valid from begin until the frame's last call, re
      * rotation, a translation and a uniform scale other than 0. NULL if no mesh is an instance.
      */
     MarramStatus (*instance_transform)(void* pose_user, uint32_t mesh, double frame, double* matrix);
-    double shot_first, shot_last; /* frames of the shot; equal: not known. For messages only, never for the output */
+    double shot_first,
+        shot_last; /* frames of the shot; equal: not known. For messages only, never for the output */
 } MarramFrame;
 
 /* The camera, for making render meshes only. Interpolate linearly between samples. */

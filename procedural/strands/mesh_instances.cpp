@@ -82,8 +82,7 @@ bool sample_past_transforms(const MarramFrame& frame, const Jiggle& jiggle, cons
         for (int64_t past_sample = window.first; past_sample <= window.last; ++past_sample)
             mesh_instance.past_transforms.push_back(
                 place_lent_instance(frame, mesh, jiggle.frame_of(past_sample)));
-        for (const Eigen::Affine3d& transform : mesh_instance.past_transforms)
-            moved = moved || transform.matrix() != mesh_instance.transforms[0].matrix();
+        moved = moved || mesh_instance.moved();
     }
     return moved;
 }

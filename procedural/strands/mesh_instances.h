@@ -29,6 +29,11 @@ struct MeshInstance {
         return transforms[std::min<size_t>(time, transforms.size() - 1)];
     }
     bool moves() const { return transforms.size() > 1; }
+    bool moved() const { // it is elsewhere at a past sample than at the first motion sample
+        return std::ranges::any_of(past_transforms, [&](const Eigen::Affine3d& transform) {
+            return transform.matrix() != transforms[0].matrix();
+        });
+    }
     // past_sample: index into past_transforms; 0 is the first sample of the jiggle's window.
     const Eigen::Affine3d& past_transform(size_t past_sample) const {
         return is_instance ? past_transforms[past_sample] : transforms[0];

@@ -92,21 +92,29 @@ void bend_sample(const PilotGroom& pilot, const RootSample& some, double frame, 
         std::copy(strands.rest.begin(), strands.rest.end(), strands.pose.begin());
 }
 
-// Poses of jiggled strands on a static skin at the frame's last motion sample.
-WideVector<Wide3f> jiggled(const JigglePilot& pilot, double step, const JiggleWindow& window,
-                           Strands& strands) {
+// Poses of strands that jiggle on a static skin at a time, in the full wind: shelter differs from frame to frame.
+// Empty before jiggle.start_frame.
+WideVector<Wide3f> jiggled(const JigglePilot& pilot, double time, double step, Strands& strands) {
     Wind wind = pilot.wind;
     wind.collision.reset();
+    wind.shielding.reset();
     wind.jiggle->step = step;
     MarramFrame frame = pilot.frame;
-    frame.times += frame.time_count - 1;
+    frame.frame = time;
+    frame.times = &time;
     frame.time_count = 1;
+    const JiggleWindow window =
+        jiggle_window(*wind.jiggle, {&time, 1}, frame.fps, 2.0 * pilot.length, pilot.tolerance);
+    if (window.empty()) return {};
     ChainInput input{wind, pilot.envelope, frame, pilot.skin, {}, pilot.basis, window};
     input.rest = pilot.rest;
     const ChainFrame chain = make_chain_frame(input);
-    const auto lay_out = [&](auto, Strands& out) { pilot.expand(wind, out); };
+    RestStrandSource rest_strands;
+    rest_strands.at_time = [&](auto, Strands& out) { pilot.expand(wind, out); };
+    rest_strands.at_bind = [&](Strands& out) { pilot.expand(wind, out); };
+    rest_strands.moves = rest_strands.moved = false;
     ChainScratch scratch;
-    jiggle_patch(chain, {lay_out, lay_out, [](int64_t) { return true; }}, strands, scratch);
+    jiggle_patch(chain, rest_strands, strands, scratch);
     return std::move(scratch.jiggled[0]);
 }
 
@@ -169,9 +177,8 @@ void measure_jiggle(const PilotGroom& pilot, std::span<const double> moments, in
     const auto levels = int(distances.size());
     const int finest = least << levels;
     for (const double moment : moments) {
-        MarramFrame frame = pilot.frame;
+        const MarramFrame& frame = pilot.frame;
         const double time = frame.bind_frame + moment;
-        frame.frame = time, frame.times = &time, frame.time_count = 1;
         const double length = pilot.instance_scale * longest_strand(pilot.groom);
         const auto pose = [&](int segments) {
             const auto lay_out = [&](const Wind& wind, Strands& out) {
@@ -190,14 +197,9 @@ void measure_jiggle(const PilotGroom& pilot, std::span<const double> moments, in
                                        segments + 1,
                                        false,
                                        lay_out};
-            Jiggle jiggle = *pilot.wind.jiggle;
-            jiggle.step = default_jiggle_step;
-            const JiggleWindow window =
-                jiggle_window(jiggle, {&time, 1}, frame.fps, 2.0 * length, frame.tolerance);
             Strands strands;
             strands.resize(int(some.roots.size()), segments + 1, false);
-            return window.count() > 0 ? jiggled(swinging, jiggle.step, window, strands)
-                                      : WideVector<Wide3f>{};
+            return jiggled(swinging, time, default_jiggle_step, strands);
         };
         const WideVector<Wide3f> fine = pose(finest);
         if (fine.empty()) continue; // before jiggle.start_frame
@@ -265,71 +267,71 @@ Choice cvs_for(const PilotGroom& pilot) {
     return {double(max_segments + 1), false};
 }
 
-JigglePilot jiggle_pilot(const PilotGroom& pilot) {
+JigglePilot jiggle_pilot(const PilotGroom& pilot, double tolerance) {
     const MarramMesh& mesh = pilot.skin;
     Eigen::AlignedBox3d rest;
-    extend_by_rest(pilot.groom, std::span(mesh.positions[0], 3 * size_t(mesh.vertex_count)), rest);
+    extend_by_rest(pilot.groom, std::span(pilot.bind.positions, 3 * size_t(mesh.vertex_count)), rest);
     if (pilot.instance_scale != 1.0)
         rest = transformed_box(Eigen::Affine3d(Eigen::Scaling(pilot.instance_scale)), rest);
-    const Surface now{mesh.positions[0],   mesh.normals ? mesh.normals[0] : nullptr,
-                      mesh.triangles,      mesh.uvs,
-                      mesh.triangle_count, pilot.bind.attributes};
-    const auto some = std::make_shared<const RootSample>(pilot, 96);
+    const auto some = std::make_shared<const RootSample>(pilot, 400);
     return {pilot.wind,
             pilot.frame,
             &pilot.skin,
             pilot.groom.envelope,
             pilot.groom.basis,
             pilot.instance_scale * longest_strand(pilot.groom),
-            tolerance_of(pilot),
+            tolerance,
             rest,
             some->roots.size(),
             pilot.groom.cvs,
             false,
-            [&groom = pilot.groom, bind = pilot.bind, now, some,
-             scale = pilot.instance_scale](const Wind& wind, Strands& out) {
-                expand(groom, wind, {bind, now}, some->roots, out, some->guides());
+            [&groom = pilot.groom, bind = pilot.bind, some, scale = pilot.instance_scale](const Wind& wind,
+                                                                                          Strands& out) {
+                expand(groom, wind, {bind, bind}, some->roots, out, some->guides());
                 scale_strands(out, scale);
             }};
 }
 
-Choice jiggle_step_for(const JigglePilot& pilot, bool skin_moves) {
+double jiggle_moment(double frame) {
+    constexpr double together = 16.0; // frames
+    constexpr double within = 9.375;  // within a step of every length
+    return std::floor(frame / together) * together + within;
+}
+
+Choice jiggle_step_for(const JigglePilot& pilot, double moment, bool skin_moves) {
     constexpr double shortest = 1.0 / 64.0, reference_step = 0.25;
     constexpr int64_t max_past_samples = 2048;
     const double tolerance = pilot.tolerance;
     const Jiggle& jiggle = *pilot.wind.jiggle;
-    const auto window_of = [&](double step) {
-        Jiggle other = jiggle;
-        other.step = step;
-        return jiggle_window(other, {pilot.frame.times + pilot.frame.time_count - 1, 1}, pilot.frame.fps,
-                             2.0 * pilot.length, pilot.frame.tolerance);
-    };
     const Choice default_choice{default_jiggle_step, true};
     if (skin_moves || pilot.count == 0 || !wind_moves(pilot.wind)) return default_choice;
-    const JiggleWindow default_window = window_of(default_jiggle_step);
-    if (default_window.count() == 0) return default_choice;
-    if (default_window.count() * 2 > max_past_samples) return {default_jiggle_step, false};
+    Jiggle other = jiggle;
+    other.step = default_jiggle_step;
+    const JiggleWindow window =
+        jiggle_window(other, {&moment, 1}, pilot.frame.fps, 2.0 * pilot.length, pilot.tolerance);
+    if (window.empty()) return default_choice; // before jiggle.start_frame
+    int64_t past_samples = window.most_samples();
+    if (past_samples * 2 > max_past_samples) return {default_jiggle_step, false};
     Strands strands;
     strands.irregular = pilot.irregular;
     strands.resize(int(pilot.count), pilot.cvs, false);
-    const WideVector<Wide3f> fine = jiggled(pilot, reference_step, window_of(reference_step), strands);
-    // Error of a step. A step half as long has a quarter of the error.
+    const WideVector<Wide3f> fine = jiggled(pilot, moment, reference_step, strands);
+    // Error of a step. A step half as long has at most a quarter of the error.
     const auto error_of = [&](double step) {
-        const WideVector<Wide3f> coarse = jiggled(pilot, step, window_of(step), strands);
+        const WideVector<Wide3f> coarse = jiggled(pilot, moment, step, strands);
         const double step_ratio = reference_step / step;
         return polygon_error(coarse, fine, pilot.count, size_t(pilot.cvs - 1), 1) /
                (1.0 - step_ratio * step_ratio);
     };
     double step = default_jiggle_step, error = error_of(step);
-    if (fine.empty()) return default_choice; // before jiggle.start_frame
-    while (!jiggle.start_frame && step < 2.0 && safety_factor * error <= tolerance) {
+    const auto enough = [&](double e) { return safety_factor * e <= tolerance; };
+    while (!jiggle.start_frame && step < 2.0 && enough(error)) {
         const double error_of_longer = error_of(2.0 * step);
-        if (safety_factor * error_of_longer > tolerance) break;
+        if (!enough(error_of_longer)) break;
         step *= 2.0;
         error = error_of_longer;
     }
-    int64_t past_samples = default_window.count();
-    while (safety_factor * error > tolerance) {
+    while (!enough(error)) {
         if (step <= shortest || past_samples * 2 > max_past_samples) return {step, false};
         step *= 0.5;
         error *= 0.25;

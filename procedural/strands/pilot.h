@@ -54,14 +54,19 @@ struct JigglePilot {
     std::function<void(const Wind& wind, Strands&)> expand; // fills the rest strands
 };
 
-JigglePilot jiggle_pilot(const PilotGroom& pilot);
+JigglePilot jiggle_pilot(const PilotGroom& pilot, double tolerance);
+
+// The moment at which the step of jiggle is chosen for a frame: one for every 16 frames, so that neighbours have one
+// step, and need not choose it again.
+double jiggle_moment(double frame);
 
 // The step between samples of the past in frames: 1/64, 1/32, ... 2. Steps of 2, 1 and 1/2 are compared with
-// 1/4; for finer ones the error is extrapolated with the square of the step. At most 1/2 if jiggle has a
-// start_frame, which is rounded down to a whole number of steps. Not finer than a window of 2048 samples
-// allows. On a moving skin always 1/2: its motion is usually keyed at whole frames, and each trial would need
-// new poses from the host. Cost: 96 strands over about 8 samples per frame.
-Choice jiggle_step_for(const JigglePilot& pilot, bool skin_moves);
+// 1/4 at the moment; for finer ones the error is extrapolated with the square of the step, as where gusts begin (between,
+// it falls faster). At most 1/2 if jiggle has a start_frame, which is rounded down to a whole number of steps. Not finer
+// than a window of 2048 samples allows. On a moving skin always 1/2: its motion is usually keyed at whole frames, and each
+// trial would need new poses from the host. Cost: 400 strands, so that four of them
+// are beyond the 99th percentile, over about 200 past samples.
+Choice jiggle_step_for(const JigglePilot& pilot, double moment, bool skin_moves);
 
 inline constexpr double default_jiggle_step = 0.5;
 

@@ -27,10 +27,12 @@ RestStrandSource rest_strand_source(const GroomInstance& instance, const MeshIns
                 transform_strands(mesh_instance, transform_at(past_sample), instance.wind.noise_at_bind_frame,
                                   strands);
             },
-            [&instance, transform_at](int64_t past_sample) {
-                return instance.past.unchanged_at(past_sample) &&
-                       transform_at(past_sample).matrix() == transform_at(past_sample - 1).matrix();
-            }};
+            {},
+            [&instance, transform_at](int64_t a, int64_t b) {
+                return instance.past.same_at(a, b) && transform_at(a).matrix() == transform_at(b).matrix();
+            },
+            instance.mesh->time_count > 1 || mesh_instance.moves(),
+            has_a_past(*instance.mesh) || mesh_instance.moved()};
 }
 
 } // namespace marram

@@ -103,11 +103,16 @@ void announce_long_work(const MarramHost& host, const char* id, const std::strin
 
 void warn_of_gusts(const MarramHost& host, const std::string& place, const ChainFrame& chain) {
     constexpr size_t much = size_t(1) << 30;
-    const size_t bytes = chain.gust_bytes();
-    if (bytes < much) return;
-    const std::string what = "gusts among the strands take " + std::to_string(bytes >> 20) + " MiB, for " +
-                             std::to_string(chain.instants.size()) + " motion samples and " +
-                             std::to_string(chain.past_gusts.size()) + " past samples of jiggle";
+    // Those of past samples are made later; there are about as many at each.
+    const int64_t past_samples = chain.past_gusts ? chain.window.count() : 0;
+    size_t of_instants = 0;
+    for (const ChainFrame::Instant& instant : chain.instants) of_instants += instant.gusts.bytes();
+    const double bytes = double(of_instants) *
+                         (1.0 + double(past_samples) / double(std::max<size_t>(chain.instants.size(), 1)));
+    if (bytes < double(much)) return;
+    const std::string what = fmt::format(
+        "gusts among the strands take about {:.0f} MiB, for {} motion samples and {} past samples of jiggle",
+        bytes / double(1 << 20), chain.instants.size(), past_samples);
     send(host, MARRAM_WARNING, "gusts.memory", place, what,
          "lower wind.gusts.num_gusts, radius_range or life_range");
 }

@@ -6,6 +6,8 @@
 
 #include <fmt/format.h>
 
+#include <cmath>
+
 namespace marram {
 
 void StrandInstance::take_wind(Wind given) {
@@ -17,6 +19,52 @@ void StrandInstance::take_wind(Wind given) {
     gust_start = {};
     gusts_checked = false;
     begun = false;
+    forget_past();
+}
+
+void StrandInstance::drop_states() {
+    jiggle_states.clear();
+    guide_states.clear();
+    kept_cvs = 0.0;
+}
+
+void StrandInstance::forget_past() {
+    past = {};
+    drop_states();
+    step_choice.reset();
+    last_frame.reset();
+    chain.past_gusts.reset();
+}
+
+JiggleState* StrandInstance::if_it_fits(JiggleState& state, const Strands& strands) {
+    constexpr double bytes_of_cv =
+        2.0 * sizeof(Wide3d) / lanes + 4.0 * sizeof(Wide3f) / lanes + sizeof(float);
+    if (state.kept) return &state;
+    const double cvs = double(strands.blocks) * lanes * strands.cvs;
+    if (kept_cvs.fetch_add(cvs) + cvs > wind.jiggle->memory * 1e6 / bytes_of_cv) {
+        kept_cvs.fetch_sub(cvs);
+        return nullptr;
+    }
+    state.kept = true;
+    return &state;
+}
+
+JiggleState* StrandInstance::kept_state(uint32_t patch, size_t batch, const Strands& strands) {
+    if (jiggle_states.empty()) return nullptr;
+    std::vector<JiggleState>& batches = jiggle_states[patch];
+    if (batches.size() <= batch) batches.resize(batch + 1);
+    return if_it_fits(batches[batch], strands);
+}
+
+PastSettings StrandInstance::settings_of_past() const {
+    return {wind.jiggle->step, frame.fps, frame.bind_frame, min_cvs(), wind.noise.left_out};
+}
+
+// States are kept from the second frame on: a frame that stays alone needs none.
+void StrandInstance::prepare_states() {
+    const bool another = last_frame && *last_frame != frame.frame;
+    last_frame = frame.frame;
+    if (another || !jiggle_states.empty()) jiggle_states.resize(output().patch_count);
 }
 
 void StrandInstance::announce_long_work(int64_t past_samples) {
@@ -31,9 +79,12 @@ void StrandInstance::announce_long_work(int64_t past_samples) {
 // The skin's poses over the window of the jiggle, or only that window.
 PastSkin StrandInstance::read_jiggle_past() {
     const Jiggle& jiggle = *wind.jiggle;
+    for (MeshInstance& mesh_instance : mesh_instances)
+        mesh_instance.past_transforms.clear(); // longest() reads them
     const double length = longest() + (curves_move() ? 0.5 * travel_of_curves() : 0.0);
     if (mesh)
         return read_past(frame, mesh_index(), jiggle, length, measure_travel(frame, mesh_instances),
+                         past_settings == settings_of_past() ? past : PastSkin{},
                          [&](int64_t samples) { announce_long_work(samples); });
     PastSkin only_window;
     only_window.window = jiggle_window(jiggle, std::span(frame.times, frame.time_count), frame.fps,
@@ -46,6 +97,22 @@ bool StrandInstance::moves_in_window() {
     if (moves() || curves_move()) return true;
     const PastSkin window = read_jiggle_past();
     return sample_past_transforms(frame, *wind.jiggle, window.window, mesh_instances) || window.moves();
+}
+
+// The step of jiggle, by what is the same in neighbouring frames where possible: it is then not chosen again, and what
+// they keep stays valid. The tolerance is rounded down by up to 9 %.
+Choice StrandInstance::choose_step(double tolerance) {
+    const double length = longest(); // before past transforms are known
+    const bool moved = moves_in_window();
+    const double rounded = std::exp2(0.125 * std::floor(8.0 * std::log2(tolerance)));
+    const double moment = jiggle_moment(frame.times[0]);
+    const StepChoice::For now{
+        moment, rounded, length, frame.fps, frame.bind_frame, min_cvs(), wind.noise.left_out, moved};
+    if (!step_choice || step_choice->made_for != now) {
+        step_choice.reset();
+        step_choice = StepChoice{now, jiggle_step_for(pilot(rounded), moment, moved)};
+    }
+    return step_choice->choice;
 }
 
 // Chooses the automatic settings from the description and this frame only. If a renderer begins a frame again
@@ -70,8 +137,7 @@ void StrandInstance::choose_settings() {
         if (automatic.step) {
             wind.jiggle->step = default_jiggle_step;
             if (frame.stage == MARRAM_FINAL) {
-                const bool moved = moves_in_window();
-                const Choice choice = jiggle_step_for(pilot(tolerance), moved);
+                const Choice choice = choose_step(tolerance);
                 wind.jiggle->step = choice.value;
                 if (!choice.enough) inexact.push_back(fmt::format("wind.jiggle.step = {:.6g}", choice.value));
             }
@@ -97,21 +163,27 @@ MarramOutput StrandInstance::begin(LentFrame lent) {
     choosing_seconds = wall_seconds() - choosing;
     const bool blown = frame.stage != MARRAM_REST;
     bool moving = moves() || (blown && (wind_moves(wind) || moving_meshes_matter(wind, frame)));
-    past = {};
-    if (wind.jiggle && frame.stage == MARRAM_FINAL) {
-        past = read_jiggle_past();
-        const bool instances_moved = sample_past_transforms(frame, *wind.jiggle, past.window, mesh_instances);
+    if (!wind.jiggle || frame.stage != MARRAM_FINAL) {
+        forget_past();
+    } else {
+        PastSkin read = read_jiggle_past();
+        const bool instances_moved = sample_past_transforms(frame, *wind.jiggle, read.window, mesh_instances);
         // Without motion there is no jiggle.
-        if (past.moves() || instances_moved || curves_move() || wind_moves(wind))
+        if (read.moves() || instances_moved || curves_move() || wind_moves(wind))
             moving = true;
         else
-            past = {};
+            read = {};
+        if (!read.window.same_runs(past.window) || past_settings != settings_of_past()) drop_states();
+        past = std::move(read);
+        past_settings = settings_of_past();
+        prepare_states();
     }
     time_count = moving ? frame.time_count : 1;
     frame.time_count = time_count;
     const double before = wall_seconds();
+    const std::shared_ptr<PastGusts> past_gusts = chain.past_gusts;
     chain = {}; // release the last frame's trees before building new ones
-    chain = make_chain();
+    chain = make_chain(past_gusts.get());
     warn_of_gusts(host, place(), chain);
     gust_bounds = wind.gusts ? bounds() : Eigen::AlignedBox3d();
     const bool skin_moves = moves() || curves_move() || (mesh && mesh->moves != 0) ||
@@ -120,7 +192,7 @@ MarramOutput StrandInstance::begin(LentFrame lent) {
                             });
     if (!gusts_checked && !skin_moves) warn_of_untouching_gusts(host, wind, frame, gust_bounds);
     gusts_checked = true;
-    announce_long_work(past.window.count());
+    announce_long_work(past.window.empty() ? 0 : past.window.most_samples());
     finish_frame();
     prepare_seconds = wall_seconds() - before;
     return output();
@@ -133,13 +205,17 @@ void StrandInstance::report(const ReportSink& sink) {
     const CollisionCounts counts = report_chain(workers, sink, scratch);
     warn_of_collisions(host, place(), skin_name(), time_count > 1, counts);
     if (automatic.rays) sink("chosen.shield_rays", wind.shielding->rays);
-    if (automatic.step && past.window.count() > 0) sink("chosen.jiggle_step", wind.jiggle->step);
+    if (automatic.step && !past.window.empty()) sink("chosen.jiggle_step", wind.jiggle->step);
     if (wind.noise.left_out > 0) sink("chosen.octaves", wind.noise.octaves - wind.noise.left_out);
     sink("seconds.prepare_wind", prepare_seconds);
     report_own(sink);
     const Bytes held = bytes();
     const size_t shared = held.shared + past.bytes();
-    const size_t lasting = shared + held.own + trees.bytes() + chain.gust_bytes() + scratch;
+    size_t states = 0;
+    for (const auto& batches : jiggle_states)
+        for (const JiggleState& state : batches) states += state.bytes();
+    for (const JiggleState& state : guide_states) states += state.bytes();
+    const size_t lasting = shared + held.own + trees.bytes() + chain.gust_bytes() + states + scratch;
     sink("memory.curve_extra_bytes", double(std::max(lasting, held.peak_of_placing)));
     if (mesh_instances.size() < 2) return;
     sink("instances.count", double(mesh_instances.size() - 1));

@@ -10,6 +10,7 @@
 #include "procedural/strands/strand_calls.h"
 #include "procedural/wind/chain.h"
 
+#include <atomic>
 #include <optional>
 #include <span>
 #include <string>
@@ -20,6 +21,24 @@ namespace marram {
 // Settings that the tolerance chooses.
 struct Automatic {
     bool cvs = false, rays = false, step = false;
+};
+
+// Settings that may differ from frame to frame and change the past.
+struct PastSettings {
+    double step = 0.0, fps = 0.0, bind_frame = 0.0;
+    int cvs = 0, octaves_left_out = 0;
+    bool operator==(const PastSettings&) const = default;
+};
+
+// The step of jiggle that was chosen, and what for.
+struct StepChoice {
+    struct For {
+        double moment, tolerance, length, fps, bind_frame;
+        int cvs, octaves_left_out;
+        bool skin_moves;
+        bool operator==(const For&) const = default;
+    } made_for;
+    Choice choice;
 };
 
 struct StrandInstance : Instance {
@@ -37,6 +56,13 @@ struct StrandInstance : Instance {
     ChainFrame chain;
     ColliderTrees trees;
     PastSkin past; // its window is used even without a skin
+    // What jiggle keeps from frame to frame: [patch][batch of strands with one CV count], and of the guides.
+    std::vector<std::vector<JiggleState>> jiggle_states;
+    std::vector<JiggleState> guide_states; // [batch of guides]
+    std::atomic<double> kept_cvs = 0.0;    // in these, with unused lanes
+    std::optional<StepChoice> step_choice;
+    PastSettings past_settings;       // that they, and `past`, were made with
+    std::optional<double> last_frame; // rendered with these values, if any
     GustStart gust_start;
     bool gusts_checked = false;      // for gusts that touch nothing
     Eigen::AlignedBox3d gust_bounds; // of the strands in the last frame begun, if there are gusts
@@ -50,6 +76,11 @@ struct StrandInstance : Instance {
     std::string summary() const;
     void report(const ReportSink& sink);
 
+    // The state of a batch of a patch; nullptr: not kept. `strands` has the batch's size.
+    JiggleState* kept_state(uint32_t patch, size_t batch, const Strands& strands);
+    // The same for a state of its own; nullptr if that would take more memory than jiggle.memory.
+    JiggleState* if_it_fits(JiggleState& state, const Strands& strands);
+
     uint32_t mesh_index() const { return uint32_t(mesh - meshes.data()); }
     bool instances_move() const { // within the shutter
         return std::ranges::any_of(mesh_instances, &MeshInstance::moves);
@@ -61,6 +92,8 @@ struct StrandInstance : Instance {
   protected:
     // Stores new values of the wind: what was chosen and checked for the old ones is void.
     void take_wind(Wind given);
+    // Forgets the past: new frames begin with a whole window. To be called where strands are placed or bound anew.
+    void forget_past();
     void announce_long_work(int64_t past_samples);
 
     // ---- Hooks: constant data
@@ -81,9 +114,9 @@ struct StrandInstance : Instance {
     virtual bool curves_move() const { return false; }      // imported strands, in their file, at any time
     virtual double travel_of_curves() const { return 0.0; } // of those in the last 256 frames, roughly, m
     virtual LongWork work() const = 0; // CVs of the frame, and the remedy if there are many
-    virtual ChainFrame make_chain() = 0;
-    virtual Eigen::AlignedBox3d bounds() const = 0; // of all strands, for gusts
-    virtual void finish_frame() {}                  // warnings, and what else the frame needs
+    virtual ChainFrame make_chain(PastGusts* earlier) = 0; // `earlier`: of an earlier frame, may be nullptr
+    virtual Eigen::AlignedBox3d bounds() const = 0;        // of all strands, for gusts
+    virtual void finish_frame() {}                         // warnings, and what else the frame needs
     virtual MarramOutput output() = 0;
 
     // ---- Hooks: statistics
@@ -97,6 +130,10 @@ struct StrandInstance : Instance {
 
   private:
     void choose_settings();
+    Choice choose_step(double tolerance);
+    PastSettings settings_of_past() const;
+    void prepare_states();
+    void drop_states();
     PastSkin read_jiggle_past();
     bool moves_in_window();
 };

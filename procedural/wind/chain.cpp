@@ -5,6 +5,8 @@
 #include "procedural/wind/bend.h"
 
 #include <algorithm>
+#include <cstring>
+#include <optional>
 
 namespace marram {
 
@@ -23,7 +25,7 @@ std::span<const StageClock::Stage> StageClock::stages() {
 size_t ChainFrame::gust_bytes() const {
     size_t sum = 0;
     for (const Instant& instant : instants) sum += instant.gusts.bytes();
-    for (const GustField& field : past_gusts) sum += field.bytes();
+    if (past_gusts) sum += past_gusts->bytes();
     return sum;
 }
 
@@ -50,10 +52,10 @@ ChainFrame make_chain_frame(const ChainInput& input) {
         ColliderTrees fresh;
         (input.trees ? *input.trees : fresh).build_or_reuse(frame, input.query_bounds, colliders);
     }
-    for (int64_t past_sample = chain.window.first; past_sample <= chain.window.last && wind.gusts && bends;
-         ++past_sample)
-        chain.past_gusts.push_back(
-            gusts_at(*wind.gusts, wind.direction, wind.jiggle->frame_of(past_sample), frame.fps, input.rest));
+    if (wind.gusts && bends && !chain.window.empty())
+        chain.past_gusts = std::make_shared<PastGusts>(
+            *wind.gusts, wind.direction, PastGusts::Key{frame.fps, wind.jiggle->step, input.rest},
+            chain.window.first, chain.window.last, input.past_gusts);
     return chain;
 }
 
@@ -121,12 +123,17 @@ void shelter(const ChainFrame& chain, uint32_t time, Strands& strands, StageCloc
         std::fill(strands.shield.begin(), strands.shield.end(), VFloat{});
 }
 
+bool same_bits(const WideVector<VFloat>& a, const WideVector<VFloat>& b) {
+    return a.size() == b.size() && std::memcmp(a.data(), b.data(), a.size() * sizeof(VFloat)) == 0;
+}
+
 } // namespace
 
 void jiggle_patch(const ChainFrame& chain, const RestStrandSource& rest_strands, Strands& strands,
-                  ChainScratch& scratch) {
+                  ChainScratch& scratch, uint32_t phase, JiggleState* kept) {
     const std::span times(chain.frame.times, chain.frame.time_count);
     const Wind& wind = *chain.wind;
+    const Jiggle& jiggle = *wind.jiggle;
     scratch.jiggled.resize(times.size());
     rest_strands.at_time(0, strands);
     shelter(chain, 0, strands, scratch.clock);
@@ -135,25 +142,41 @@ void jiggle_patch(const ChainFrame& chain, const RestStrandSource& rest_strands,
     past.irregular = strands.irregular;
     past.resize(strands.count, strands.cvs, strands.oriented);
     std::copy(strands.shield.begin(), strands.shield.end(), past.shield.begin());
-    scratch.filter.begin(*wind.jiggle, chain.frame.fps, strands.cvs, strands.blocks, strands.u);
     StageClock inner; // not reported: the past bends count as the cost of jiggle
     const StageTimer timer(scratch.clock.jiggle);
-    uint32_t next = 0;
-    for (int64_t past_sample = chain.window.first; past_sample <= chain.window.last; ++past_sample) {
-        if (past_sample == chain.window.first || !rest_strands.unchanged_at ||
-            !rest_strands.unchanged_at(past_sample))
+    JiggleState* state = kept ? kept : &scratch.state;
+    if (!kept || (wind.shielding && !same_bits(state->shield, strands.shield))) {
+        state->forget();
+        if (kept && wind.shielding) state->shield = strands.shield;
+    }
+    // The springs are the same in every frame, though the segments of a deforming strand are not.
+    if (strands.irregular) rest_strands.at_bind(past);
+    scratch.filter.begin(jiggle, chain.window, chain.frame.fps, strands.cvs, strands.blocks, past.u);
+    std::optional<int64_t> laid_out; // the past sample whose rest strands `past` holds
+    const auto bent = [&](int64_t past_sample, WideVector<Wide3f>& pose) {
+        if (!rest_strands.moved) {
+            if (!laid_out) past.copy_rest(strands);
+        } else if (!laid_out || !rest_strands.same_at || !rest_strands.same_at(*laid_out, past_sample)) {
             rest_strands.at_past_sample(past_sample, past);
-        const auto at = size_t(past_sample - chain.window.first);
-        bend_at(chain, at < chain.past_gusts.size() ? &chain.past_gusts[at] : nullptr,
-                wind.jiggle->frame_of(past_sample), past, inner);
-        scratch.filter.feed(past_sample, past);
-        for (; next < times.size() && times[next] <= wind.jiggle->frame_of(past_sample); ++next) {
-            rest_strands.at_time(next, strands);
-            if (times[next] < wind.jiggle->frame_of(chain.window.first))
-                scratch.jiggled[next].clear(); // before jiggle.start_frame
-            else
-                scratch.filter.emit(times[next], strands, scratch.jiggled[next]);
         }
+        laid_out = past_sample;
+        bend_at(chain, chain.past_gusts ? &chain.past_gusts->at(past_sample) : nullptr,
+                jiggle.frame_of(past_sample), past, inner);
+        std::swap(pose, past.pose);
+    };
+    for (size_t i = 0; i < times.size(); ++i) {
+        if (chain.window.start && times[i] < jiggle.frame_of(*chain.window.start)) {
+            scratch.jiggled[i].clear();
+            continue;
+        }
+        // What is kept is the state at the first motion sample: the next frame may begin before the last one.
+        if (i > 0 && state == kept && state->sample != jiggle.sample_before(times[i])) {
+            scratch.later = *kept;
+            state = &scratch.later;
+        }
+        if (i > 0 && rest_strands.moves) rest_strands.at_time(uint32_t(i), strands);
+        scratch.filter.advance(*state, phase, times[i], bent);
+        scratch.filter.emit(*state, times[i], strands, bent, scratch.jiggled[i]);
     }
 }
 

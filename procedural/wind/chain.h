@@ -10,10 +10,12 @@
 #pragma once
 
 #include "core/math/clock.h"
+#include "procedural/wind/jiggle_filter.h"
 #include "procedural/wind/strands.h"
 #include "procedural/wind/wind.h"
 
 #include <functional>
+#include <memory>
 
 namespace marram {
 
@@ -46,9 +48,9 @@ struct ChainFrame {
         std::vector<double> obstacle_heights; // if shielding uses wake_heights
         GustField gusts;
     };
-    std::vector<Instant> instants;     // [motion sample]
-    JiggleWindow window;               // empty: strands do not jiggle
-    std::vector<GustField> past_gusts; // [past sample of the window]
+    std::vector<Instant> instants;         // [motion sample]
+    JiggleWindow window;                   // empty: strands do not jiggle
+    std::shared_ptr<PastGusts> past_gusts; // nullptr: without gusts
 
     size_t gust_bytes() const;
 };
@@ -65,7 +67,8 @@ struct ChainInput {
         everywhere(); // contains every strand at every motion sample, in any wind
     Eigen::AlignedBox3d rest =
         everywhere(); // contains every rest CV at every motion sample and past sample of the window
-    ColliderTrees* trees = nullptr; // of the previous frame; reused if the colliders have not changed
+    ColliderTrees* trees = nullptr;  // of the previous frame; reused if the colliders have not changed
+    PastGusts* past_gusts = nullptr; // of the previous frame; the new one takes over what it has made
 };
 ChainFrame make_chain_frame(const ChainInput& input);
 
@@ -74,6 +77,7 @@ struct ChainScratch {
     CollideScratch collide;
     JiggleFilter filter;
     Strands past;
+    JiggleState state, later;                // used if the caller keeps none; after the first motion sample
     std::vector<WideVector<Wide3f>> jiggled; // [motion sample]
     CollisionCounts counts;
     StageClock clock;
@@ -84,20 +88,25 @@ struct ChainScratch {
 struct RestStrandSource {
     std::function<void(uint32_t time, Strands&)> at_time;
     std::function<void(int64_t past_sample, Strands&)> at_past_sample;
-    // True: at this past sample they are the same as at the previous one, as on a static skin. May be empty:
-    // never.
-    std::function<bool(int64_t past_sample)> unchanged_at{};
+    // The strands in the bind pose; only `u` is read. May be empty if strands are not irregular.
+    std::function<void(Strands&)> at_bind{};
+    // True: they are the same at both past samples. May be empty: never.
+    std::function<bool(int64_t, int64_t)> same_at{};
+    bool moves = true; // they differ between motion samples
+    bool moved = true; // or at past samples
 };
 
 // Jiggle for one patch: computes its poses at all motion samples from past bent poses, into scratch.jiggled.
-// Call run_chain() for each sample afterwards. The sheltered fraction is that of the first motion sample for
+// Call run_chain() for each sample afterwards; unless they move, `strands` holds the rest strands then. `phase`: any number of the patch, the same in every frame. `kept`: its
+// state from an earlier frame, which must have had the same wind, rest strands and runs (JiggleWindow::same_runs); it
+// becomes that of this frame. nullptr: the whole window is run through. Both ways give the same bits. The sheltered fraction is that of the first motion sample for
 // the whole window. This is exact if colliders are static. If the edge of a shelter moves, strands it passed
 // within the last 1 / (damping omega) seconds, about the filter's memory, are wrong. For an obstacle that
 // crosses the wind at 1 m/s, at 3 Hz and damping 0.3: a third of the strands behind it are off by more than
 // 1 % of their length, the worst by their whole length, or by a quarter if a cone of 10 degrees softens the
 // edge (tests/chain/shelter_test.cpp prints more).
 void jiggle_patch(const ChainFrame& chain, const RestStrandSource& rest_strands, Strands& strands,
-                  ChainScratch& scratch);
+                  ChainScratch& scratch, uint32_t phase = 0, JiggleState* kept = nullptr);
 
 // Expanded strands at motion sample `time` -> pose, pose_normal, envelope, gust, shield. If the wind has no
 // strength, the pose is the rest pose bit for bit, except for collision.

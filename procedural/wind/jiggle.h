@@ -1,22 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
-// Curve jiggle: strands follow their wind-bent pose like damped springs. See jiggle.cpp for the derivation.
+// Curve jiggle: its settings, and which past samples a pose needs. The oscillator is in jiggle_step.h, the filter
+// in jiggle_filter.h.
 //
-// No state is kept between frames: each frame filters a window of past samples, at absolute multiples of
-// jiggle.step. The tolerance sets the length of the window:
+// A pose at a time depends on nothing but that time and the scene. Yet frames share work: time is divided into
+// periods that begin at epochs. Within a period a run advances in whole samples, so that a frame goes on from the
+// state that an earlier one has reached. The run is defined by its epoch alone: it starts from rest one window
+// before, in steps that halve on the way to the epoch, because an error made long ago has decayed as much.
 //
-//     const JiggleWindow window = jiggle_window(jiggle, times, fps, reach, tolerance);
-//     filter.begin(jiggle, fps, cvs, blocks);
-//     for (s = window.first; s <= window.last; ++s) {
-//         filter.feed(s, bent at jiggle.frame_of(s));
-//         while (i < times.size() && times[i] <= jiggle.frame_of(s)) filter.emit(times[i], now, pose of key i++);
-//     }
-//     while (i < times.size()) filter.emit(...) // if the window is empty
+//     window        8     8     8     8    4  4  4  4   2 2 2 2  1111|1111111111111111|
+//                 start from rest                                  epoch     next epoch: another run
+//
+// The tolerance sets the window: longer than the memory of the oscillator.
 #pragma once
 
 #include "core/math/ramp.h"
 #include "core/plugin/marram_plugin.h"
 #include "procedural/abi/values.h"
-#include "procedural/wind/strands.h"
 
 #include <cstdint>
 #include <optional>
@@ -32,9 +31,11 @@ struct Jiggle {
     Ramp stiffness;         // over u, root to tip: scales the frequency, > 0
     double step = 0.5;      // frames between past samples; 0: to be derived from the tolerance
     std::optional<double> start_frame;
-    std::string place; // location of jiggle.frequency in the scene, for error messages
+    double memory = 1024.0; // MB of states that a procedural keeps from frame to frame
+    std::string place;      // location of jiggle.frequency in the scene, for error messages
 
     double frame_of(int64_t past_sample) const { return double(past_sample) * step; }
+    int64_t sample_before(double frame) const; // the last past sample at or before the frame
 };
 
 // Parameters of [wind], each named "jiggle.<name>". All are optional; without jiggle.frequency the others are
@@ -44,77 +45,45 @@ std::span<const MarramParam> jiggle_params();
 // Reads values named "wind.jiggle.<name>"; empty if the scene gives no frequency. Throws SceneFault.
 std::optional<Jiggle> read_jiggle(const Values& values);
 
-struct JiggleWindow {
-    int64_t first = 0,
-            last = -1; // past samples; empty where first > last: all times lie before jiggle.start_frame
-    int64_t count() const { return last - first + 1; }
+// The steps of one run: from rest at sample `first`, by powers of two of samples to `epoch`, then one by one.
+struct JiggleRun {
+    int64_t first = 0, epoch = 0;
+    bool operator==(const JiggleRun&) const = default;
 };
 
-// The past samples that the poses at `times` (frames, ascending) need. `reach` in metres bounds the distance
-// of a CV's past targets from its target at the window's first sample: 2 L for the bend, plus the distance a
+struct JiggleWindow {
+    static constexpr int64_t endless = int64_t{1} << 60;
+
+    std::vector<int64_t> steps;   // [level]: number of steps of 2^level samples before an epoch
+    int64_t length = 0;           // of these steps together, in samples; endless: strands never come to rest
+    int64_t period = 1;           // samples from epoch to epoch
+    std::optional<int64_t> start; // strands are in their bent pose until this sample
+    int64_t first = 0, last = -1; // all samples that poses at the times can need
+
+    bool empty() const { return first > last; } // all times lie before `start`
+    int64_t count() const { return last - first + 1; }
+    int64_t most_samples() const; // that one patch needs for a frame without an earlier one
+    // The run that the pose of a patch within [sample, sample + 1) belongs to. `phase`: any number of the patch;
+    // it shifts the epochs, so that not all patches begin a run in the same frame.
+    JiggleRun run_at(int64_t sample, uint32_t phase) const;
+    int level_at(const JiggleRun& run, int64_t sample) const; // of the step that begins at the sample
+    // True: poses of both belong to the same runs.
+    bool same_runs(const JiggleWindow& other) const {
+        return steps == other.steps && length == other.length && period == other.period &&
+               start == other.start;
+    }
+};
+
+// The past samples that poses at `times` (frames, ascending) need. `reach` in metres bounds the distance
+// of a CV's past targets from its target at a run's first sample: 2 L for the bend, plus the distance a
 // root travels. Motion before the window moves a filtered CV by at most `tolerance` metres (0: 1e-6 of the
 // reach). Restoring segment lengths afterwards can magnify this if a filtered strand is shorter than its
-// rest; jiggle_test measures by how much. Throws SceneFault if more than 100,000 past samples would be
-// needed.
+// rest; jiggle_test measures by how much. The bound is rounded down to a power of 4 of the reach, so that
+// neighbouring frames agree. Throws SceneFault if more than 100,000 past samples would be needed.
 JiggleWindow jiggle_window(const Jiggle& jiggle, std::span<const double> times, double fps, double reach,
                            double tolerance);
 
-// One step of the oscillator. The target moves linearly by D over the step; lag e and velocity w (metres a
-// radian):
-//     e' = c e + s w - f D          w' = -s e + d w + g D
-struct JiggleStep {
-    double c, s, d, f, g;
-};
-
-// Eight steps.
-struct alignas(64) WideJiggleStep {
-    VDouble c, s, d, f, g;
-};
-
-// Coefficients for a step of `radians` = omega h >= 0. Error < 1e-14 (1 + radians sqrt(1 - damping^2) for
-// damping < 1, due to the rounding of the argument itself).
-JiggleStep jiggle_step(double damping, double radians);
-
-// Upper bound on the error of the filtered position if all targets more than `radians` in the past are off by
-// at most 1. Exact for damping >= 1, otherwise at most pi / 2 times too large; decreases with `radians`.
-// Infinite for damping 0.
-double jiggle_tail(double damping, double radians);
-
-// Filters the strands of one patch. Reusable: memory is kept between patches. Cost: about 2 ns a CV for each
-// past sample, 10 ns a CV for each pose, 576 bytes for eight CVs.
-class JiggleFilter {
-  public:
-    // u: [blocks * cvs] if the segments of a strand differ in length, else empty.
-    void begin(const Jiggle& jiggle, double fps, int cvs, int blocks, std::span<const VDouble> u = {});
-
-    // Takes bent.pose at the past sample; past samples are consecutive.
-    void feed(int64_t past_sample, const Strands& bent);
-
-    // The pose at `frame`, between the last two samples fed. Root and segment lengths are those of now.rest;
-    // positions are rounded once. A strand whose target has never moved is copied from the target bit for
-    // bit. Before the first sample, or if none was fed, the pose is now.pose.
-    void emit(double frame, const Strands& now, WideVector<Wide3f>& pose);
-
-  private:
-    void fill_steps(double frames, std::vector<JiggleStep>& steps) const;
-    void fill_steps(double frames, WideVector<WideJiggleStep>& steps) const;
-
-    Jiggle jiggle_;
-    double fps_ = 24.0;
-    int cvs_ = 0, blocks_ = 0;
-    int64_t last_ = 0, first_ = 0;         // the last and the first past sample fed
-    int fed_ = 0;                          // number of past samples fed: 0, 1, or 2 for two and more
-    std::vector<JiggleStep> whole_, part_; // [cvs]: steps from sample to sample, and from sample to `frame`
-    WideVector<VDouble> u_;                // if the stiffness at CV k differs between strands, else empty
-    WideVector<WideJiggleStep> strand_full_steps_,
-        strand_partial_steps_;          // [blocks * cvs], used instead in that case
-    WideVector<Wide3d> lag_, velocity_; // [blocks * cvs] at the sample before the last
-    WideVector<Wide3f> from_, to_;      // [blocks * cvs] targets at the last two samples
-};
-
-// Normals of jiggled oriented strands: now.pose_normal, rotated segment by segment by the shortest arc from
-// now.pose (both bent, at the time of the pose) to `pose`. A segment that has not moved keeps its normal bit
-// for bit.
-void jiggle_normals(const Strands& now, const WideVector<Wide3f>& pose, WideVector<Wide3f>& normals);
+// Throws SceneFault if that many are too many.
+void check_past_samples(const Jiggle& jiggle, double samples);
 
 } // namespace marram

@@ -57,6 +57,18 @@ struct Strands {
                (width.capacity() + u.capacity()) * sizeof(VDouble);
     }
 
+    // Copies what expansion fills.
+    void copy_rest(const Strands& other) {
+        rest = other.rest;
+        rest_normal = other.rest_normal;
+        noise_origin = other.noise_origin;
+        root_normal = other.root_normal;
+        width = other.width;
+        wind_share = other.wind_share;
+        u = other.u;
+        radius = other.radius;
+    }
+
     void resize(int strand_count, int cvs_per_strand, bool with_normals) {
         count = strand_count;
         cvs = cvs_per_strand;

@@ -92,7 +92,74 @@ void collide(const Colliders& colliders, int steps, std::span<const Vec3f> targe
     }
 }
 
+// Springs of a strand from the last frame's target to this one's.
+void swing(const Jiggle& jiggle, double fps, std::span<const Vec3f> from, std::span<const Vec3f> to,
+           std::span<Vec3f> x, std::span<Vec3f> v) {
+    constexpr double longest = 0.5; // radians
+    const auto last = double(to.size() - 1);
+    double stiffest = 0.0;
+    for (const double value : jiggle.stiffness.values()) stiffest = std::max(stiffest, value);
+    const int steps = int(std::ceil(2.0 * pi * jiggle.frequency * stiffest / fps / longest));
+    const float dt = 1.0F / float(fps * steps);
+    x[0] = to[0];
+    for (size_t k = 1; k < to.size(); ++k) {
+        const auto omega = float(2.0 * pi * jiggle.frequency * jiggle.stiffness(double(k) / last));
+        for (int i = 1; i <= steps; ++i) {
+            const Vec3f target = from[k] + (to[k] - from[k]) * (float(i) / float(steps));
+            v[k] += dt * (omega * omega * (target - x[k]) - 2.0F * float(jiggle.damping) * omega * v[k]);
+            x[k] += dt * v[k];
+        }
+    }
+}
+
 } // namespace
+
+std::vector<float> shelter_literally(const Wind& wind, const Colliders& colliders,
+                                     const LiteralStrands& strands) {
+    std::vector<float> shelter(strands.count());
+    tbb::parallel_for(size_t(0), shelter.size(), [&](size_t i) {
+        const auto cvs = size_t(strands.cvs);
+        shelter[i] = sheltered(wind, colliders, {strands.rest.data() + i * cvs, cvs});
+    });
+    return shelter;
+}
+
+void simulate_literally(const Wind& wind, double fps, const GustField& field, const Colliders& colliders,
+                        const std::vector<float>& shelter, bool shown, LiteralStrands& strands) {
+    const auto cvs = size_t(strands.cvs);
+    const bool begins = strands.swung.empty();
+    strands.pose.resize(strands.rest.size());
+    strands.target.resize(strands.rest.size());
+    strands.swung.resize(strands.rest.size());
+    strands.velocity.resize(strands.rest.size(), Vec3f::Zero());
+    constexpr size_t grain = 64;
+    tbb::parallel_for(tbb::blocked_range<size_t>(0, strands.count(), grain), [&](const auto& range) {
+        std::vector<Vec3f> bent(cvs);
+        for (size_t i = range.begin(); i < range.end(); ++i) {
+            const auto of = [&](auto& list) { return std::span(list.data() + i * cvs, cvs); };
+            const std::span<const Vec3f> rest = of(strands.rest);
+            float gust = 0.0F;
+            for (const Vec3f& p : rest) gust += gust_at(field, p) / float(cvs);
+            const float envelope = std::clamp(float(wind.calm) + gust, 0.0F, 1.0F) *
+                                   (1.0F - float(wind.shielding->shield) * shelter[i]);
+            std::copy(rest.begin(), rest.end(), bent.begin());
+            bend(wind, envelope, bent);
+            const std::span<Vec3f> target = of(strands.target), swung = of(strands.swung);
+            if (begins)
+                std::copy(bent.begin(), bent.end(), swung.begin());
+            else
+                swing(*wind.jiggle, fps, target, bent, swung, of(strands.velocity));
+            std::copy(bent.begin(), bent.end(), target.begin());
+            if (!shown) continue;
+            for (size_t k = 0; k + 1 < cvs; ++k)
+                bent[k + 1] =
+                    bent[k] + (swung[k + 1] - swung[k]).normalized() * (rest[k + 1] - rest[k]).norm();
+            const std::span<Vec3f> pose = of(strands.pose);
+            std::copy(rest.begin(), rest.end(), pose.begin());
+            collide(colliders, wind.collision->rotation_steps, bent, pose);
+        }
+    });
+}
 
 void blow_literally(const Wind& wind, const GustField& field, const Colliders& colliders,
                     LiteralStrands& strands) {

@@ -106,6 +106,12 @@ Workload::Workload(const Size& size)
       world_({sphere_mesh(1.0F, size.divisions, 0.03F, 9.0F)},
              deformed(sphere_mesh(1.0F, size.divisions, 0.03F, 9.0F), size.keys)),
       keys_(size.keys) {
+    if (size.jiggles) {
+        Jiggle jiggle;
+        jiggle.stiffness = Ramp(std::vector<double>{0, 4, 1, 1}, "linear");
+        jiggle.step = 0.5; // as `marram render scenes/talk.toml` chooses it
+        wind_.jiggle = jiggle;
+    }
     for (int k = 0; k < size.cvs; ++k)
         profile_.push_back(float(0.5 * groom_.width_profile(double(k) / (size.cvs - 1))));
     chain_ = frame_chain();
@@ -129,7 +135,49 @@ ChainFrame Workload::frame_chain() {
     return make_chain_frame({wind_, whole_, world_.frame(), &world_.mesh(0), profile_, MARRAM_BSPLINE});
 }
 
+namespace {
+constexpr double shown_frame = 24.0, tolerance = 1e-3, longest = 0.26; // m
+} // namespace
+
+double Workload::run_frame(double time, std::vector<JiggleState>* kept) {
+    MarramFrame frame = world_.frame();
+    frame.frame = time;
+    frame.times = &time;
+    frame.tolerance = tolerance;
+    const JiggleWindow window =
+        jiggle_window(*wind_.jiggle, std::span(&time, 1), frame.fps, 2.0 * longest, tolerance);
+    ChainInput input{wind_, whole_, frame, &world_.mesh(0), profile_, MARRAM_BSPLINE, window};
+    input.trees = &trees_;
+    input.past_gusts = past_gusts_.get();
+    const ChainFrame chain = make_chain_frame(input);
+    past_gusts_ = chain.past_gusts;
+    if (kept) kept->resize(rest_[0].size());
+    return seconds_of([&] {
+        tbb::parallel_for(size_t(0), rest_[0].size(), [&](size_t i) {
+            Thread& thread = threads_.local();
+            RestStrandSource still;
+            still.at_time = [&](auto, Strands& strands) { strands = rest_[0][i]; };
+            still.moves = still.moved = false;
+            jiggle_patch(chain, still, thread.work, thread.chain, uint32_t(i), kept ? &(*kept)[i] : nullptr);
+            marram::run_chain(chain, 0, thread.work, thread.chain);
+        });
+    });
+}
+
+double Workload::run_next_frame() { return run_frame(next_frame_++, &kept_); }
+
+double Workload::run_next_frame_literally() {
+    const MarramFrame frame = world_.frame();
+    const Colliders& colliders = chain_.instants[0].colliders;
+    const GustField field = gusts_at(*wind_.gusts, wind_.direction, next_literal_frame_++, frame.fps);
+    return seconds_of([&] {
+        simulate_literally(wind_, frame.fps, field, colliders,
+                           shelter_literally(wind_, colliders, literal_[0]), true, literal_[0]);
+    });
+}
+
 double Workload::run_chain() {
+    if (wind_.jiggle) return run_frame(shown_frame, nullptr);
     return seconds_of([&] {
         if (keys_ > 1) chain_ = frame_chain();
         tbb::parallel_for(size_t(0), rest_[0].size(), [&](size_t i) {
@@ -143,6 +191,25 @@ double Workload::run_chain() {
 }
 
 double Workload::run_literally() {
+    if (wind_.jiggle) {
+        const MarramFrame frame = world_.frame();
+        const Colliders& colliders = chain_.instants[0].colliders;
+        const JiggleWindow window =
+            jiggle_window(*wind_.jiggle, std::span(&shown_frame, 1), frame.fps, 2.0 * longest, tolerance);
+        const double first = shown_frame - std::ceil(double(window.length) * wind_.jiggle->step);
+        std::vector<GustField> fields;
+        for (double f = first; f <= shown_frame; ++f)
+            fields.push_back(gusts_at(*wind_.gusts, wind_.direction, f, frame.fps));
+        LiteralStrands& strands = literal_[0];
+        strands.swung.clear();
+        strands.velocity.clear();
+        return seconds_of([&] {
+            const std::vector<float> shelter = shelter_literally(wind_, colliders, strands);
+            for (const GustField& field : fields)
+                simulate_literally(wind_, frame.fps, field, colliders, shelter, &field == &fields.back(),
+                                   strands);
+        });
+    }
     return seconds_of([&] {
         for (uint32_t t = 0; t < keys_; ++t)
             blow_literally(wind_, chain_.instants[t].gusts, chain_.instants[t].colliders, literal_[t]);

@@ -26,23 +26,29 @@ struct Size {
     int divisions;     // of the sphere, which has 8 times their square triangles
     double width;      // of a strand
     uint32_t keys = 1; // motion samples; the sphere has a different shape at each
+    bool jiggles = false;
 };
 
-inline constexpr Size T{"T", 10000, 5, 71, 0.009};    // as in the talk
-inline constexpr Size T2{"T2", 10000, 5, 500, 0.009}; // T on 2,000,000 triangles
+inline constexpr Size T{"T", 10000, 5, 71, 0.009, 1, true}; // as in the talk: all stages
+inline constexpr Size T0{"T0", 10000, 5, 71, 0.009};        // T without jiggle
+inline constexpr Size T100k{"100k", 100000, 5, 71, 0.0028, 1, true};
+inline constexpr Size T2{"T2", 10000, 5, 500, 0.009}; // T0 on 2,000,000 triangles
 inline constexpr Size T10k{"10k", 10000, 5, 35, 0.009}, T4M{"4M", 10000, 5, 707, 0.009};
-inline constexpr Size D{"D", 10000, 5, 71, 0.009, 3}; // T on a deforming skin
+inline constexpr Size D{"D", 10000, 5, 71, 0.009, 3}; // T0 on a deforming skin
 inline constexpr Size F{"F", 1000000, 8, 71, 0.0009}; // a fine coat
 
 class Workload {
   public:
     explicit Workload(const Size& size);
 
-    // Runs the whole chain without jiggle at all motion samples: gusts, shielding of each CV, bend with two
-    // octaves, offset scale, collision. On a deforming skin the time includes the chain's per-frame data;
-    // otherwise that was made before. Returns seconds.
+    // Runs the whole chain at all motion samples: gusts, shielding of each CV, bend with two octaves, jiggle of 2 Hz
+    // and damping 0.3 if the size has it, offset scale, collision. On a deforming skin the time includes the chain's
+    // per-frame data; otherwise that was made before. Returns seconds. With jiggle, a frame alone: frame 24.
     double run_chain();
-    double run_literally();
+    double run_literally(); // jiggle: a simulation from a window before that frame
+    // With jiggle: the next frame of a sequence, from what the frame before has kept.
+    double run_next_frame();
+    double run_next_frame_literally();
     // From the roots to CVs in Embree's format: lays out strands, runs the whole chain, writes x, y, z and
     // radius.
     double run_from_roots();
@@ -68,6 +74,7 @@ class Workload {
     std::vector<float> profile_;
     FurredWorld world_;
     ChainFrame frame_chain();
+    double run_frame(double frame, std::vector<JiggleState>* kept);
 
     uint32_t keys_;
     ChainFrame chain_;
@@ -76,6 +83,10 @@ class Workload {
     std::vector<Strands> bent_;              // at the first motion sample
     std::vector<float> vertices_; // x, y, z, radius of each CV; a phantom before and after each strand
     std::vector<LiteralStrands> literal_; // [motion sample]
+    double next_frame_ = 24.0, next_literal_frame_ = 24.0;
+    std::vector<JiggleState> kept_; // [patch]
+    ColliderTrees trees_;
+    std::shared_ptr<PastGusts> past_gusts_;
     tbb::enumerable_thread_specific<Thread> threads_;
 };
 

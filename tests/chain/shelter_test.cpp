@@ -192,9 +192,7 @@ HeldShelterError error_of_held_shelter(const Stage& stage, double spread) {
         make_chain_frame({wind, whole, frame, &world.mesh(0), profile, MARRAM_BSPLINE, window});
 
     std::vector<Strands> truth = grow(groom, wind, {at_rest.surface(0), world.surface(0)});
-    std::vector<JiggleFilter> filters(truth.size());
-    for (size_t p = 0; p < truth.size(); ++p) filters[p].begin(jiggle, 24.0, 6, truth[p].blocks);
-    std::vector<std::vector<Strands>> history; // [sample][patch], at rest
+    std::vector<std::vector<Strands>> history; // [sample][patch], at rest, and blown there and then
     for (int64_t past_sample = window.first; past_sample <= window.last; ++past_sample) {
         const double time = jiggle.frame_of(past_sample);
         const FurredWorld then(stage(time));
@@ -204,9 +202,7 @@ HeldShelterError error_of_held_shelter(const Stage& stage, double spread) {
         ChainScratch scratch;
         history.push_back(grow(groom, wind, {at_rest.surface(0), then.surface(0)}));
         for (size_t p = 0; p < truth.size(); ++p) {
-            Strands strands = history.back()[p];
-            run_chain(there, 0, strands, scratch);
-            filters[p].feed(past_sample, strands);
+            run_chain(there, 0, history.back()[p], scratch);
         }
     }
     HeldShelterError swung;
@@ -229,8 +225,15 @@ HeldShelterError error_of_held_shelter(const Stage& stage, double spread) {
         Strands bent = truth[p];
         ChainScratch other;
         run_chain(chain, 0, bent, other); // the pose at the present time, for restoring lengths
-        WideVector<Wide3f> right = bent.pose;
-        filters[p].emit(now, bent, right);
+        JiggleFilter filter;
+        JiggleState state;
+        filter.begin(jiggle, window, 24.0, 6, bent.blocks);
+        const auto blown = [&](int64_t past_sample, WideVector<Wide3f>& pose) {
+            pose = history[size_t(past_sample - window.first)][p].pose;
+        };
+        WideVector<Wide3f> right;
+        filter.advance(state, 0, now, blown);
+        filter.emit(state, now, bent, blown, right);
         for (int i = 0; i < held.count; ++i, ++swung.strands) {
             double length = 0.0, far = 0.0;
             for (int k = 0; k < held.cvs; ++k) {

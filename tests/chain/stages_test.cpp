@@ -164,23 +164,29 @@ TEST(Stages, JiggleAgreesWithTheOracle) {
         jiggle.stiffness = Ramp(std::vector<double>{0, 4, 1, 1}, "linear");
         jiggle.start_frame = 1.0;
         b.wind.jiggle = jiggle;
-        const double time = 20.3, fps = 24.0;
-        const JiggleWindow window = jiggle_window(jiggle, std::span(&time, 1), fps, 1.0, 1e-7);
+        constexpr double time = 20.3, fps = 24.0;
+        const JiggleWindow window = jiggle_window(jiggle, std::array{time}, fps, 1.0, 1e-7);
         JiggleFilter filter;
         for (Strands& s : grow(b.groom, b.wind, b.world.surface(0))) {
             std::fill(s.envelope.begin(), s.envelope.end(), splat_float(0.8F));
-            filter.begin(jiggle, fps, s.cvs, s.blocks);
+            filter.begin(jiggle, window, fps, s.cvs, s.blocks);
             std::vector<oracle::History> histories(static_cast<size_t>(s.count));
-            for (int64_t past_sample = window.first; past_sample <= window.last; ++past_sample) {
-                bend(b.wind, jiggle.frame_of(past_sample), fps, s);
-                filter.feed(past_sample, s);
+            for (oracle::History& history : histories) history.cubic = true;
+            for (double frame = 1.0; frame < time + 2.0 * jiggle.step; frame += jiggle.step) {
+                bend(b.wind, frame, fps, s);
                 for (int i = 0; i < s.count; ++i) {
-                    histories[size_t(i)].times.push_back(jiggle.frame_of(past_sample) / fps);
+                    histories[size_t(i)].times.push_back(frame / fps);
                     histories[size_t(i)].poses.push_back(pose_of(s, i));
                 }
             }
-            WideVector<Wide3f> out = s.pose;
-            filter.emit(time, s, out);
+            JiggleState state;
+            const auto bent = [&](int64_t past_sample, WideVector<Wide3f>& pose) {
+                bend(b.wind, jiggle.frame_of(past_sample), fps, s);
+                pose = s.pose;
+            };
+            WideVector<Wide3f> out;
+            filter.advance(state, 0, time, bent);
+            filter.emit(state, time, s, bent, out);
             std::vector<double> omega;
             for (int k = 0; k < s.cvs; ++k)
                 omega.push_back(2.0 * pi * jiggle.frequency * jiggle.stiffness(double(k) / (s.cvs - 1)));

@@ -2,6 +2,7 @@
 #include "tests/oracle/jiggle.h"
 
 #include <algorithm>
+#include <array>
 
 namespace marram::oracle {
 namespace {
@@ -10,26 +11,51 @@ struct State {
     Vec3d x, velocity;
 };
 
-// Advances by `time` with the target g + slope t. The three components are independent.
-void advance(State& state, double time, const Vec3d& g, const Vec3d& slope, double omega, double zeta) {
+using Cubic = std::array<Vec3d, 4>; // sum over n of cubic[n] t^n
+
+Vec3d value(const Cubic& g, double t) { return g[0] + t * (g[1] + t * (g[2] + t * g[3])); }
+
+// Advances by `time` with the target g, t seconds later. The three components are independent.
+void advance(State& state, double time, const Cubic& g, double omega, double zeta) {
     constexpr double longest = 0.25; // in 1 / (omega max(1, 2 zeta)), see jiggle.h
     constexpr int terms = 16;
     const int steps = std::max(1, int(std::ceil(time * omega * std::max(1.0, 2.0 * zeta) / longest)));
     const double h = time / steps;
     for (int step = 0; step < steps; ++step) {
         Vec3d derivative[terms + 2] = {state.x, state.velocity};
-        Vec3d target = g + slope * (h * step);
-        for (int n = 0; n < terms; ++n) {
+        const double t = h * step;
+        const Vec3d target[] = {value(g, t), g[1] + t * (2.0 * g[2] + 3.0 * t * g[3]),
+                                2.0 * g[2] + 6.0 * t * g[3], 6.0 * g[3]}; // and its derivatives
+        for (int n = 0; n < terms; ++n)
             derivative[n + 2] = -2.0 * zeta * omega * derivative[n + 1] - omega * omega * derivative[n] +
-                                omega * omega * target;
-            target = n == 0 ? slope : Vec3d::Zero();
-        }
+                                omega * omega * (n < 4 ? target[n] : Vec3d::Zero());
         state = {Vec3d::Zero(), Vec3d::Zero()};
         for (int n = terms; n >= 0; --n) { // Horner's scheme
             state.x = derivative[n] + state.x * (h / (n + 1));
             state.velocity = derivative[n + 1] + state.velocity * (h / (n + 1));
         }
     }
+}
+
+// The target of a CV from knot i on.
+Cubic target_from(const History& history, size_t i, size_t k) {
+    const auto at = [&](size_t knot) -> const Vec3d& {
+        return history.poses[std::min(knot, history.poses.size() - 1)][k];
+    };
+    if (i + 1 >= history.times.size()) return {at(i), Vec3d::Zero(), Vec3d::Zero(), Vec3d::Zero()};
+    const double h = history.times[i + 1] - history.times[i];
+    if (!history.cubic) return {at(i), (at(i + 1) - at(i)) / h, Vec3d::Zero(), Vec3d::Zero()};
+    // Hermite's cubic of the offset, with slopes over two knots; at the first knot, over one. The root: a line.
+    const auto offset = [&](size_t knot) -> Vec3d {
+        const size_t j = std::min(knot, history.poses.size() - 1);
+        return history.poses[j][k] - history.poses[j][0];
+    };
+    const Vec3d p = offset(i), q = offset(i + 1),
+                m = i == 0 ? Vec3d((q - p) / h) : Vec3d((q - offset(i - 1)) / (2.0 * h)),
+                n = (offset(i + 2) - p) / (2.0 * h);
+    const Vec3d root = history.poses[i][0], root_slope = (history.poses[i + 1][0] - root) / h;
+    return {root + p, root_slope + m, (3.0 * (q - p) / h - 2.0 * m - n) / h,
+            (2.0 * (p - q) / h + m + n) / (h * h)};
 }
 
 } // namespace
@@ -39,10 +65,10 @@ std::vector<Vec3d> pose_at(const History& history, double time) {
     if (after == history.times.begin()) return history.poses.front();
     if (after == history.times.end()) return history.poses.back();
     const size_t i = size_t(after - history.times.begin());
-    const double t = (time - history.times[i - 1]) / (history.times[i] - history.times[i - 1]);
-    std::vector<Vec3d> pose = history.poses[i - 1];
-    for (size_t k = 0; k < pose.size(); ++k) pose[k] += t * (history.poses[i][k] - pose[k]);
-    return pose;
+    std::vector<Vec3d> result;
+    for (size_t k = 0; k < history.poses[i - 1].size(); ++k)
+        result.push_back(value(target_from(history, i - 1, k), time - history.times[i - 1]));
+    return result;
 }
 
 std::vector<Vec3d> filtered_pose(const History& history, const std::vector<double>& omega, double zeta,
@@ -53,11 +79,7 @@ std::vector<Vec3d> filtered_pose(const History& history, const std::vector<doubl
         for (size_t i = 0; i < history.times.size() && history.times[i] < time; ++i) {
             const bool last = i + 1 == history.times.size();
             const double until = last ? time : std::min(time, history.times[i + 1]);
-            const Vec3d g = history.poses[i][k];
-            const Vec3d slope =
-                last ? Vec3d::Zero()
-                     : Vec3d((history.poses[i + 1][k] - g) / (history.times[i + 1] - history.times[i]));
-            advance(state, until - history.times[i], g, slope, omega[k], zeta);
+            advance(state, until - history.times[i], target_from(history, i, k), omega[k], zeta);
         }
         result.push_back(state.x);
     }

@@ -9,7 +9,10 @@
 #include <tbb/enumerable_thread_specific.h>
 #include <tbb/parallel_for.h>
 
+#include <fmt/format.h>
+
 #include <algorithm>
+#include <cmath>
 #include <numeric>
 
 namespace marram::stability {
@@ -130,6 +133,53 @@ TEST(Determinism, TheProgramOnOneThreadAndOnMany) {
             << "collision and jiggle do nothing";
     }
     none("baked on 1, 2 and 7 threads: other bytes", differ, "files");
+}
+
+// A ball at rest, strands that are kept from frame to frame: grown ones, guided ones, and those of a file.
+TEST(Determinism, WhatIsKeptFromFrameToFrameChangesNoBit) {
+    const Folder folder;
+    std::string points;
+    for (int i = 0; i < 40; ++i) { // lines of 4 to 7 points on the ball
+        const double angle = 0.15 * i;
+        std::string line = "l";
+        for (int k = 0; k < 4 + i % 4; ++k) {
+            const double r = 1.0 + 0.1 * k;
+            points +=
+                fmt::format("v {:.6f} {:.6f} {:.6f}\n", r * std::cos(angle), r * 0.3, r * std::sin(angle));
+            line += fmt::format(" {}", -1 - k);
+        }
+        points += line + "\n";
+    }
+    folder.write("lines.obj", points);
+    std::string text = scene_text;
+    const size_t keys = text.find("transform = {"), end = text.find("[[procedural]]");
+    text.erase(keys, end - keys);
+    text += "[[curves]]\nname = \"lines\"\ntype = \"strands\"\nfile = \"lines.obj\"\n"
+            "[[procedural]]\nname = \"hair\"\ntype = \"strands\"\ncurves = \"lines\"\non = \"ball\"\nwidth = "
+            "0.01\n"
+            "[[procedural]]\nname = \"led\"\ntype = \"groom\"\non = \"ball\"\ncount = 100\ncvs = 5\nwidth = "
+            "0.01\n"
+            "guides = { curves = \"lines\", wind = \"guides\" }\n";
+    const std::string scene = folder.write("a.toml", text);
+    const auto bake = [&](const std::string& name, std::vector<std::string> more) {
+        more.insert(more.begin(), {"bake", scene, "--quiet", "-o", folder / name});
+        EXPECT_DONE(testing::marram(more));
+    };
+    bake("sequence.####.usda", {"--frames", "1-60"});
+    bake("halves.####.usda", {"--frames", "40-52x0.5", "--threads", "1"});
+    bake("mixed.####.usda", {"--frames", "44,12,50,51,45,46,13"});
+    long long differ = 0, compared = 0;
+    const auto compare = [&](const std::string& name, int frame) {
+        const std::string alone = fmt::format("alone.{}.usda", frame);
+        bake(alone, {"--frame", std::to_string(frame), "--set", "wind.jiggle.memory=0"});
+        differ += read_file(folder / alone) != read_file(folder / fmt::format("{}.{:04}.usda", name, frame));
+        ++compared;
+    };
+    for (const int frame : {7, 24, 33, 60}) compare("sequence", frame);
+    for (const int frame : {44, 51}) compare("halves", frame);
+    for (const int frame : {12, 50, 51, 46, 13}) compare("mixed", frame);
+    std::printf("  %lld frames compared\n", compared);
+    none("frames of a sequence, of halves and mixed, and alone: other bytes", differ, "files");
 }
 
 TEST(Determinism, Frame240AloneAndAfter1To239) {

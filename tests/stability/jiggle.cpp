@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Jiggle at the limits of its ranges: no damping, critical damping, fifty times that; frames far from the
 // shot; strands of zero length.
-#include "procedural/wind/jiggle.h"
 #include "tests/oracle/jiggle.h"
+#include "procedural/wind/jiggle_filter.h"
 #include "tests/stability/scene.h"
 #include "tests/stability/table.h"
 
@@ -36,21 +36,20 @@ std::vector<std::vector<Curve>> run(const Jiggle& jiggle, const std::vector<doub
                                     const std::vector<Motion>& motions, double reach = 4.0) {
     const JiggleWindow window = jiggle_window(jiggle, times, fps, reach, 0.0);
     JiggleFilter filter;
-    Strands strands = at(motions, times[0]);
-    filter.begin(jiggle, fps, strands.cvs, strands.blocks);
+    JiggleState state;
+    const auto bent = [&](int64_t past_sample, WideVector<Wide3f>& pose) {
+        pose = at(motions, jiggle.frame_of(past_sample)).pose;
+    };
     std::vector<std::vector<Curve>> result;
-    WideVector<Wide3f> pose;
-    const auto emit = [&] {
-        const Strands now = at(motions, times[result.size()]);
-        filter.emit(times[result.size()], now, pose);
+    for (const double time : times) {
+        const Strands now = at(motions, time);
+        WideVector<Wide3f> pose;
+        filter.begin(jiggle, window, fps, now.cvs, now.blocks);
+        filter.advance(state, 0, time, bent);
+        filter.emit(state, time, now, bent, pose);
         std::vector<Curve>& curves = result.emplace_back();
         for (int i = 0; i < now.count; ++i) curves.push_back(curve_of(now, pose, i));
-    };
-    for (int64_t past_sample = window.first; past_sample <= window.last; ++past_sample) {
-        filter.feed(past_sample, at(motions, jiggle.frame_of(past_sample)));
-        while (result.size() < times.size() && times[result.size()] <= jiggle.frame_of(past_sample)) emit();
     }
-    while (result.size() < times.size()) emit();
     return result;
 }
 
@@ -63,7 +62,8 @@ Curve rounded(const Curve& curve) {
 // The oracle's pose, with a history from the start of the window.
 Curve right(const Jiggle& jiggle, double first, double frame, const Motion& motion) {
     oracle::History history;
-    for (double f = first; f < frame + jiggle.step; f += jiggle.step) {
+    history.cubic = true;
+    for (double f = first; f < frame + 2.0 * jiggle.step; f += jiggle.step) {
         history.times.push_back(f / fps);
         history.poses.push_back(rounded(motion(f)));
     }

@@ -353,7 +353,20 @@ void GroomInstance::lay_out() {
                              "' has other triangles than when its strands were placed",
                          "keep its topology, or create the procedural again");
     if (placed) invalidate_roots_if_mesh_changed(*this);
-    if (!placed) place_strands(*this);
+    if (!placed) {
+        forget_past();
+        place_strands(*this);
+    }
+    if (wind.jiggle) { // attributes may scale lengths or the wind, and differ from frame to frame
+        Digest digest;
+        for (const MarramAttribute& attribute : attributes) {
+            const size_t count =
+                attribute.rate == MARRAM_PER_FACE ? mesh->triangle_count : mesh->vertex_count;
+            digest.add(attribute.values, count * attribute.components * sizeof(float));
+        }
+        if (digest.value() != attributes_digest) forget_past();
+        attributes_digest = digest.value();
+    }
     mesh_instances = find_mesh_instances(frame, *mesh);
     if (guides) groom.length = {0.0, guides->longest_child()};
 }
@@ -369,7 +382,7 @@ PilotGroom GroomInstance::pilot_groom() const {
             max_instance_scale(mesh_instances)};
 }
 
-JigglePilot GroomInstance::pilot(double) const { return jiggle_pilot(pilot_groom()); }
+JigglePilot GroomInstance::pilot(double tolerance) const { return jiggle_pilot(pilot_groom(), tolerance); }
 
 void GroomInstance::choose_cvs() {
     if (automatic.cvs) {
@@ -392,10 +405,10 @@ LongWork GroomInstance::work() const {
 
 Eigen::AlignedBox3d GroomInstance::bounds() const { return bounds_at_rest(*this); }
 
-ChainFrame GroomInstance::make_chain() {
+ChainFrame GroomInstance::make_chain(PastGusts* earlier) {
     return make_chain_frame({wind, groom.envelope, frame, mesh, radius_profile, groom.basis, past.window,
                              wind.collision ? bounds_of_strands(*this) : everywhere(),
-                             wind.gusts ? bounds_at_rest(*this) : everywhere(), &trees});
+                             wind.gusts ? bounds_at_rest(*this) : everywhere(), &trees, earlier});
 }
 
 void GroomInstance::finish_frame() {
@@ -442,10 +455,13 @@ void GroomInstance::tessellate(uint32_t index, const MarramPatchBuffers& buffers
     strands.instance = patch.mesh_instance.is_instance ? patch.mesh_instance.mesh : nullptr;
     const RestStrandSource rest_strands = patch_rest_strand_source(*this, patch, worker.chain.clock);
     const bool follows = !guide_motion.blown.empty();
-    if (past.window.count() > 0 && !follows) jiggle_patch(chain, rest_strands, strands, worker.chain);
+    const bool jiggles = !past.window.empty() && !follows;
+    if (jiggles)
+        jiggle_patch(chain, rest_strands, strands, worker.chain, index % patches_per_instance(),
+                     kept_state(index, 0, strands));
     for (uint32_t time = 0; time < time_count; ++time) {
         // If the mesh is static, later motion samples reuse the rest strands.
-        if (time < mesh->time_count || patch.mesh_instance.moves()) rest_strands.at_time(time, strands);
+        if (rest_strands.moves || (time == 0 && !jiggles)) rest_strands.at_time(time, strands);
         if (follows) {
             {
                 const StageTimer timer(worker.chain.clock.bend);

@@ -72,8 +72,8 @@ Eigen::AlignedBox3d bounds_at_rest(const GroomInstance& instance) {
         extend_by_instances(instance, time, on_mesh, box);
     }
     std::vector<Eigen::AlignedBox3d> past;
-    for (const PastSkin::Pose& pose : instance.past.poses)
-        extend_by_rest(instance.groom, pose.positions, past.emplace_back());
+    for (const auto& pose : instance.past.poses)
+        extend_by_rest(instance.groom, pose->positions, past.emplace_back());
     for (const Eigen::AlignedBox3d& on_mesh : past) box.extend(on_mesh);
     for (const MeshInstance& mesh_instance : instance.mesh_instances)
         for (size_t k = 0;

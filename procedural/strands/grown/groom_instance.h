@@ -61,6 +61,7 @@ struct GroomInstance : StrandInstance {
     // roots, and of guides and parting lines.
     uint64_t placed_topology_digest = 0, placed_mesh_digest = 0, placed_guides_digest = 0;
     uint64_t placed_covering_digest = 0; // of the meshes that can cover roots
+    uint64_t attributes_digest = 0;      // of the mesh's, if there is jiggle
     bool mesh_may_differ = false;        // as announced by update()
     std::vector<float> radius_profile;   // [cvs]: radius of a strand of width 1, half of Groom::width_profile
 
@@ -123,7 +124,7 @@ struct GroomInstance : StrandInstance {
     JigglePilot pilot(double tolerance) const override;
     bool moves() const override { return mesh->time_count > 1 || instances_move(); }
     LongWork work() const override;
-    ChainFrame make_chain() override;
+    ChainFrame make_chain(PastGusts* earlier) override;
     Eigen::AlignedBox3d bounds() const override;
     void finish_frame() override;
     MarramOutput output() override;

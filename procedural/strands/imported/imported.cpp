@@ -221,10 +221,13 @@ uint64_t bind_pose_digest(const ImportInstance& instance) {
 
 // The bind pose of an evolving terrain, for example, may differ between frames. If it does, binds the strands
 // again.
-void rebind_if_changed(ImportInstance& instance) {
+bool rebind_if_changed(ImportInstance& instance) {
     const uint64_t before = bind_pose_digest(instance);
     read_bind_poses(instance);
-    if (bind_pose_digest(instance) != before) bind(instance);
+    if (bind_pose_digest(instance) == before) return false;
+    instance.is_bound = false; // if binding is cancelled
+    bind(instance);
+    return true;
 }
 
 void check_still_bound(const ImportInstance& instance) {
@@ -248,9 +251,19 @@ void ImportInstance::lay_out() {
     binding_seconds = 0.0;
     find_skin(*this);
     find_strands(*this);
-    if (!is_bound) bind(*this);
+    if (!is_bound) {
+        forget_past();
+        bind(*this);
+    }
     check_still_bound(*this);
-    rebind_if_changed(*this);
+    if (rebind_if_changed(*this)) forget_past();
+    if (wind.jiggle &&
+        !curves.curves.moves) { // curves that a procedural makes may differ from frame to frame
+        const uint64_t digest =
+            digest_bytes(vertices(0), 4 * sizeof(float) * (curves.cv_count() + 2 * curves.count()));
+        if (digest != vertices_digest) forget_past();
+        vertices_digest = digest;
+    }
     check_widths(*this);
     mesh_instances.assign(1, MeshInstance{mesh});
     if (mesh) mesh_instances = find_mesh_instances(frame, *mesh);
@@ -300,9 +313,9 @@ JigglePilot ImportInstance::pilot(double tolerance) const {
     const auto most = std::ranges::max_element(by_cvs, {}, [](const auto& one) { return one.second; });
     const uint32_t cvs = most == by_cvs.end() ? 2 : most->first;
     const uint64_t count_of_cvs = most == by_cvs.end() ? 0 : most->second,
-                   step = std::max<uint64_t>(count_of_cvs / 96, 1);
+                   step = std::max<uint64_t>(count_of_cvs / 400, 1);
     std::vector<uint32_t> some;
-    for (uint64_t c = 0, seen = 0; c < instance.curves.count() && some.size() < 96; ++c)
+    for (uint64_t c = 0, seen = 0; c < instance.curves.count() && some.size() < 400; ++c)
         if (instance.curves.cvs(c) == cvs && seen++ % step == 0) some.push_back(uint32_t(c));
     const size_t count = some.size();
     Eigen::AlignedBox3d rest = bounds_of_import(instance);
@@ -328,7 +341,7 @@ JigglePilot ImportInstance::pilot(double tolerance) const {
 
 Eigen::AlignedBox3d ImportInstance::bounds() const { return bounds_of_import(*this); }
 
-ChainFrame ImportInstance::make_chain() {
+ChainFrame ImportInstance::make_chain(PastGusts* earlier) {
     return make_chain_frame({wind,
                              settings.envelope,
                              frame,
@@ -338,7 +351,8 @@ ChainFrame ImportInstance::make_chain() {
                              past.window,
                              wind.collision ? bounds() : everywhere(),
                              everywhere(),
-                             &trees});
+                             &trees,
+                             earlier});
 }
 
 MarramOutput ImportInstance::output() {
@@ -383,17 +397,20 @@ void ImportInstance::tessellate(uint32_t index, const MarramPatchBuffers& buffer
     strands.instance = on.mesh_instance.is_instance ? on.mesh_instance.mesh : nullptr;
     strands.has_wind_share = !settings.wind_by.empty();
     strands.irregular = true;
-    const uint32_t rest_time_count = std::max(mesh ? mesh->time_count : 1U, curves.curves.time_count);
     for (const auto& run : patch.runs) {
         const std::span numbers(patch.order.data() + run[0], run[1] - run[0]);
         const ImportBatch batch{*this, patch, on.mesh_instance, numbers,
                                 curves.cvs(patch.first + numbers[0])};
         strands.resize(int(numbers.size()), int(batch.cvs), oriented());
         const RestStrandSource rest_strands = imported_rest_strands(batch, worker.chain.clock);
-        if (past.window.count() > 0) jiggle_patch(chain, rest_strands, strands, worker.chain);
+        const bool jiggles = !past.window.empty();
+        const auto run_index = size_t(&run - patch.runs.data());
+        if (jiggles)
+            jiggle_patch(chain, rest_strands, strands, worker.chain, index % uint32_t(patches.size()),
+                         kept_state(index, run_index, strands));
         for (uint32_t time = 0; time < time_count; ++time) {
             // If skin and curves are static, later motion samples reuse the rest strands.
-            if (time < rest_time_count || on.mesh_instance.moves()) rest_strands.at_time(time, strands);
+            if (rest_strands.moves || (time == 0 && !jiggles)) rest_strands.at_time(time, strands);
             run_chain(chain, time, strands, worker.chain);
             const StageTimer timer(worker.chain.clock.expand);
             write_import_vertices(batch, strands, buffers.vertices[time]);

@@ -44,6 +44,7 @@ struct ImportInstance : StrandInstance {
     std::vector<ImportPatch> patches;
     Eigen::AlignedBox3d bind_box; // of all CVs in the bind pose
     // Of CV counts and whether curves move; of the mesh's topology.
+    uint64_t vertices_digest = 0; // of curves that do not move, if there is jiggle
     uint64_t bind_layout_digest = 0, bind_topology_digest = 0;
     uint32_t least_cvs = 2; // of a strand
     double longest_at_bind = 0.0,
@@ -108,7 +109,7 @@ struct ImportInstance : StrandInstance {
     bool curves_move() const override { return curves.curves.moves != 0; }
     double travel_of_curves() const override;
     LongWork work() const override;
-    ChainFrame make_chain() override;
+    ChainFrame make_chain(PastGusts* earlier) override;
     Eigen::AlignedBox3d bounds() const override;
     MarramOutput output() override;
     Bytes bytes() const override;

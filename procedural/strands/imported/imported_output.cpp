@@ -160,12 +160,19 @@ RestStrandSource imported_rest_strands(const ImportBatch& batch, StageClock& clo
             expand_on(instance.mesh ? &now : nullptr, vertices, strands);
             take_to_instance(past_transform(past_sample), strands);
         },
-        [&instance, past_transform](int64_t past_sample) { // never asked for the window's first sample
+        [&instance, batch, expand_on, first_float](Strands& strands) {
+            const Surface at_bind = instance.mesh ? instance.bind_surface() : Surface{};
+            expand_on(instance.mesh ? &at_bind : nullptr, instance.bind_pose() + first_float, strands);
+        },
+        [&instance, past_transform](int64_t a, int64_t b) {
             return !instance.curves.curves.moves &&
-                   (!instance.mesh ||
-                    (instance.past.unchanged_at(past_sample) &&
-                     past_transform(past_sample).matrix() == past_transform(past_sample - 1).matrix()));
-        }};
+                   (!instance.mesh || (instance.past.same_at(a, b) &&
+                                       past_transform(a).matrix() == past_transform(b).matrix()));
+        },
+        (instance.mesh && instance.mesh->time_count > 1) || instance.curves.curves.time_count > 1 ||
+            batch.mesh_instance.moves(),
+        (instance.mesh && has_a_past(*instance.mesh)) || instance.curves.curves.moves != 0 ||
+            batch.mesh_instance.moved()};
 }
 
 void write_import_vertices(const ImportBatch& batch, const Strands& strands, float* out) {

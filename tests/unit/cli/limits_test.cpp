@@ -337,7 +337,7 @@ TEST(Limits, LongWorkOnStrandsOfAFileIsAnnounced) {
     folder.write("one.obj", points + line + "\n");
     SceneText text;
     text.wind = "speed = 6\nglobal_rotate = 1\nnoise = { amplitude = 0.5, frequency = 2 }\n"
-                "jiggle = { frequency = 2, damping = 0.01 }\n";
+                "jiggle = { frequency = 2, damping = 0.001 }\n";
     text.more = "[[curves]]\ntype = \"strands\"\nname = \"one\"\nfile = \"one.obj\"\n"
                 "[[procedural]]\ntype = \"strands\"\nname = \"hair\"\ncurves = \"one\"\nwidth = 0.01\n";
     const std::string scene = folder.write("a.toml", text);

@@ -97,7 +97,7 @@ TEST(Instances, StandInTheWindOfTheirPlace) {
     const std::string wind =
         "speed = 8\ncalm = 1\nnoise = { frequency = 1 }\nshielding = { shield = 1, spread = 10 }\ncollision "
         "= { solver = \"exact\", offset_scale = 0.2 }\n"
-        "jiggle = { frequency = 3 }\ngusts = { num_gusts = 20, radius_range = [1, 2] }\n";
+        "jiggle = { frequency = 3, step = 0.5 }\ngusts = { num_gusts = 20, radius_range = [1, 2] }\n";
     const std::string wall = mesh("wall", "box", "size = [0.5, 4, 4]\ntransform = { translate = [3, 0, 0] }");
     const auto with_instances = "\n[wind]\n" + wind + wall +
                                 mesh("ball", "sphere", instances({moved_by(5, 0, 0), moved_by(0, 0, 30)})) +

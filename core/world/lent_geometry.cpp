@@ -112,7 +112,8 @@ void LentGeometry::lend_mesh(uint32_t id) {
     lent.grid_stride = sizeof(MarramGrid);
     lent.topology = mesh.topology;
     const std::vector<SceneMesh>& drawn = build_.geometry.meshes;
-    lent.moves = lent.time_count > 1 || (id < drawn.size() && drawn[id].moves()) ? 1 : 0;
+    const bool moves = id < drawn.size() ? drawn[id].moves() : build_.mesh_procedurals[id]->has_pose();
+    lent.moves = lent.time_count > 1 || moves ? 1 : 0;
     if (id < drawn.size() && drawn[id].instance_of) {
         const auto object = uint32_t(drawn[id].instance_of - drawn.data());
         const auto same = std::ranges::find(meshes_, object, &MarramMesh::geometry_id);

@@ -77,6 +77,7 @@ bool sample_past_transforms(const MarramFrame& frame, const Jiggle& jiggle, cons
     bool moved = false;
     for (MeshInstance& mesh_instance : mesh_instances) {
         if (!mesh_instance.is_instance) continue;
+        check_past_samples(jiggle, double(window.count()));
         const auto mesh = uint32_t(mesh_instance.mesh - frame.meshes);
         mesh_instance.past_transforms.clear();
         for (int64_t past_sample = window.first; past_sample <= window.last; ++past_sample)

@@ -107,7 +107,11 @@ WideVector<Wide3f> jiggled(const JigglePilot& pilot, double time, double step, S
         jiggle_window(*wind.jiggle, {&time, 1}, frame.fps, 2.0 * pilot.length, pilot.tolerance);
     if (window.empty()) return {};
     ChainInput input{wind, pilot.envelope, frame, pilot.skin, {}, pilot.basis, window};
-    input.rest = pilot.rest;
+    pilot.expand(wind, strands);
+    input.rest = {};
+    for (const Wide3f& p : strands.rest)
+        for (int lane = 0; lane < lanes; ++lane)
+            input.rest.extend(Vec3d(double(p.x[lane]), double(p.y[lane]), double(p.z[lane])));
     const ChainFrame chain = make_chain_frame(input);
     RestStrandSource rest_strands;
     rest_strands.at_time = [&](auto, Strands& out) { pilot.expand(wind, out); };
@@ -192,7 +196,6 @@ void measure_jiggle(const PilotGroom& pilot, std::span<const double> moments, in
                                        pilot.groom.basis,
                                        length,
                                        tolerance_of(pilot),
-                                       everywhere(),
                                        some.roots.size(),
                                        segments + 1,
                                        false,
@@ -268,11 +271,6 @@ Choice cvs_for(const PilotGroom& pilot) {
 }
 
 JigglePilot jiggle_pilot(const PilotGroom& pilot, double tolerance) {
-    const MarramMesh& mesh = pilot.skin;
-    Eigen::AlignedBox3d rest;
-    extend_by_rest(pilot.groom, std::span(pilot.bind.positions, 3 * size_t(mesh.vertex_count)), rest);
-    if (pilot.instance_scale != 1.0)
-        rest = transformed_box(Eigen::Affine3d(Eigen::Scaling(pilot.instance_scale)), rest);
     const auto some = std::make_shared<const RootSample>(pilot, 400);
     return {pilot.wind,
             pilot.frame,
@@ -281,7 +279,6 @@ JigglePilot jiggle_pilot(const PilotGroom& pilot, double tolerance) {
             pilot.groom.basis,
             pilot.instance_scale * longest_strand(pilot.groom),
             tolerance,
-            rest,
             some->roots.size(),
             pilot.groom.cvs,
             false,

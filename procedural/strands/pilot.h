@@ -45,9 +45,8 @@ struct JigglePilot {
     const MarramMesh* skin; // nullptr: not bound to a mesh
     const Ramp& envelope;
     MarramBasis basis;
-    double length;            // m; upper bound of strand lengths
-    double tolerance;         // m
-    Eigen::AlignedBox3d rest; // contains all rest CVs of all strands
+    double length;    // m; upper bound of strand lengths
+    double tolerance; // m
     size_t count;
     int cvs;
     bool irregular;                                         // as Strands::irregular

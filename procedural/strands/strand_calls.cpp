@@ -96,7 +96,7 @@ void announce_long_work(const MarramHost& host, const char* id, const std::strin
     announced = frame;
     const std::string what = fmt::format("{:.3g} CVs, {:.4g} per strand, at {} motion samples and {} past "
                                          "samples of jiggle take about {:.0f} s of "
-                                         "one processor for each frame",
+                                         "one processor for a frame alone",
                                          work.cvs, work.cvs_per_strand, work.samples, past_samples, seconds);
     send(host, MARRAM_INFO, id, place, what, work.remedy);
 }

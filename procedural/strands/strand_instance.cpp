@@ -2,6 +2,7 @@
 #include "procedural/strands/strand_instance.h"
 
 #include "core/math/clock.h"
+#include "core/math/digest.h"
 #include "procedural/strands/wind_words.h"
 
 #include <fmt/format.h>
@@ -36,24 +37,40 @@ void StrandInstance::forget_past() {
     chain.past_gusts.reset();
 }
 
-JiggleState* StrandInstance::if_it_fits(JiggleState& state, const Strands& strands) {
-    constexpr double bytes_of_cv =
-        2.0 * sizeof(Wide3d) / lanes + 4.0 * sizeof(Wide3f) / lanes + sizeof(float);
-    if (state.kept) return &state;
-    const double cvs = double(strands.blocks) * lanes * strands.cvs;
-    if (kept_cvs.fetch_add(cvs) + cvs > wind.jiggle->memory * 1e6 / bytes_of_cv) {
-        kept_cvs.fetch_sub(cvs);
-        return nullptr;
-    }
-    state.kept = true;
-    return &state;
+StrandInstance::KeptState::~KeptState() {
+    if (!state_) return;
+    const std::lock_guard lock(owner_->states_mutex_);
+    state_->in_use = false;
 }
 
-JiggleState* StrandInstance::kept_state(uint32_t patch, size_t batch, const Strands& strands) {
-    if (jiggle_states.empty()) return nullptr;
-    std::vector<JiggleState>& batches = jiggle_states[patch];
-    if (batches.size() <= batch) batches.resize(batch + 1);
+// With states_mutex_ held.
+StrandInstance::KeptState StrandInstance::if_it_fits(JiggleState& state, const Strands& strands) {
+    constexpr double bytes_of_cv =
+        2.0 * sizeof(Wide3d) / lanes + 4.0 * sizeof(Wide3f) / lanes + sizeof(float);
+    if (state.in_use) return {};
+    if (!state.kept) {
+        const double cvs = double(strands.blocks) * lanes * strands.cvs;
+        if (kept_cvs + cvs > wind.jiggle->memory * 1e6 / bytes_of_cv) return {};
+        kept_cvs += cvs;
+        state.kept = true;
+    }
+    state.in_use = true;
+    return {*this, state};
+}
+
+StrandInstance::KeptState StrandInstance::kept_state(uint32_t patch, size_t batch, const Strands& strands) {
+    if (jiggle_states.empty()) return {};
+    const std::lock_guard lock(states_mutex_);
+    std::deque<JiggleState>& batches = jiggle_states[patch];
+    while (batches.size() <= batch) batches.emplace_back();
     return if_it_fits(batches[batch], strands);
+}
+
+StrandInstance::KeptState StrandInstance::guide_state(size_t batch, const Strands& strands) {
+    if (jiggle_states.empty()) return {};
+    const std::lock_guard lock(states_mutex_);
+    while (guide_states.size() <= batch) guide_states.emplace_back();
+    return if_it_fits(guide_states[batch], strands);
 }
 
 PastSettings StrandInstance::settings_of_past() const {
@@ -166,6 +183,11 @@ MarramOutput StrandInstance::begin(LentFrame lent) {
     if (!wind.jiggle || frame.stage != MARRAM_FINAL) {
         forget_past();
     } else {
+        Digest instances;
+        for (const MeshInstance& m : mesh_instances)
+            instances.add(m.mesh ? m.mesh->name : "").add(m.transform_at_bind.data(), 16 * sizeof(double));
+        if (instances.value() != instances_digest) drop_states();
+        instances_digest = instances.value();
         PastSkin read = read_jiggle_past();
         const bool instances_moved = sample_past_transforms(frame, *wind.jiggle, read.window, mesh_instances);
         // Without motion there is no jiggle.

@@ -10,7 +10,8 @@
 #include "procedural/strands/strand_calls.h"
 #include "procedural/wind/chain.h"
 
-#include <atomic>
+#include <deque>
+#include <mutex>
 #include <optional>
 #include <span>
 #include <string>
@@ -57,10 +58,11 @@ struct StrandInstance : Instance {
     ColliderTrees trees;
     PastSkin past; // its window is used even without a skin
     // What jiggle keeps from frame to frame: [patch][batch of strands with one CV count], and of the guides.
-    std::vector<std::vector<JiggleState>> jiggle_states;
-    std::vector<JiggleState> guide_states; // [batch of guides]
-    std::atomic<double> kept_cvs = 0.0;    // in these, with unused lanes
+    std::vector<std::deque<JiggleState>> jiggle_states;
+    std::deque<JiggleState> guide_states; // [batch of guides]
+    double kept_cvs = 0.0;                // in these, with unused lanes
     std::optional<StepChoice> step_choice;
+    uint64_t instances_digest = 0;    // of mesh_instances: which, and where at bind_frame
     PastSettings past_settings;       // that they, and `past`, were made with
     std::optional<double> last_frame; // rendered with these values, if any
     GustStart gust_start;
@@ -76,10 +78,23 @@ struct StrandInstance : Instance {
     std::string summary() const;
     void report(const ReportSink& sink);
 
-    // The state of a batch of a patch; nullptr: not kept. `strands` has the batch's size.
-    JiggleState* kept_state(uint32_t patch, size_t batch, const Strands& strands);
-    // The same for a state of its own; nullptr if that would take more memory than jiggle.memory.
-    JiggleState* if_it_fits(JiggleState& state, const Strands& strands);
+    // The state of a batch of a patch, for one thread at a time: none if it is not kept, if another thread works on the
+    // same patch, or if it would take more memory than jiggle.memory. `strands` has the batch's size.
+    class KeptState {
+      public:
+        KeptState() = default;
+        KeptState(StrandInstance& owner, JiggleState& state) : owner_(&owner), state_(&state) {}
+        ~KeptState();
+        KeptState(const KeptState&) = delete;
+        KeptState& operator=(const KeptState&) = delete;
+        JiggleState* get() const { return state_; }
+
+      private:
+        StrandInstance* owner_ = nullptr;
+        JiggleState* state_ = nullptr;
+    };
+    KeptState kept_state(uint32_t patch, size_t batch, const Strands& strands);
+    KeptState guide_state(size_t batch, const Strands& strands);
 
     uint32_t mesh_index() const { return uint32_t(mesh - meshes.data()); }
     bool instances_move() const { // within the shutter
@@ -134,6 +149,8 @@ struct StrandInstance : Instance {
     PastSettings settings_of_past() const;
     void prepare_states();
     void drop_states();
+    KeptState if_it_fits(JiggleState& state, const Strands& strands);
+    std::mutex states_mutex_; // of in_use and the lengths of lists
     PastSkin read_jiggle_past();
     bool moves_in_window();
 };

@@ -11,6 +11,7 @@
 
 #include "core/math/clock.h"
 #include "procedural/wind/jiggle_filter.h"
+#include "procedural/wind/past_gusts.h"
 #include "procedural/wind/strands.h"
 #include "procedural/wind/wind.h"
 

@@ -70,9 +70,6 @@
 #include "procedural/wind/colliders.h"
 #include "procedural/wind/strands.h"
 
-#include <atomic>
-#include <memory>
-#include <mutex>
 #include <optional>
 #include <span>
 #include <vector>
@@ -161,32 +158,6 @@ struct GustField {
 // in the box.
 GustField gusts_at(const Gusts& gusts, const Vec3d& wind_direction, double frame, double fps,
                    const Eigen::AlignedBox3d& within = everywhere());
-
-// The gusts at the past samples of jiggle, each made when it is first asked for. Any thread.
-class PastGusts {
-  public:
-    struct Key { // two with the same key have the same gusts at a sample
-        double fps = 0.0, step = 0.0;
-        Eigen::AlignedBox3d within;
-    };
-    // Samples first ... last. Takes over what `earlier` (of an earlier frame, may be nullptr) has made.
-    PastGusts(const Gusts& gusts, const Vec3d& wind_direction, const Key& key, int64_t first, int64_t last,
-              PastGusts* earlier);
-    const GustField& at(int64_t past_sample);
-    size_t bytes() const; // of those made
-
-  private:
-    struct Made {
-        std::once_flag once;
-        GustField field;
-        std::atomic<size_t> bytes{0};
-    };
-    const Gusts* gusts_;
-    Vec3d wind_direction_;
-    Key key_;
-    int64_t first_;
-    std::vector<std::shared_ptr<Made>> made_; // [past sample - first]
-};
 
 // strands.gust += the sum of influences at each CV of strands.rest; the caller sets it to 0 first. Returns
 // the number of influences evaluated: those whose bounds overlap the bounds of the strands. Thread-safe.

@@ -2,7 +2,10 @@
 // Filters the strands of one patch: they follow their bent pose as damped oscillators (jiggle.h, jiggle_step.h).
 //
 //     filter.begin(jiggle, window, fps, cvs, blocks);
-//     for (each time of the frame) filter.pose_at(state, phase, time, rest strands then, bent, pose);
+//     for (each time of the frame) {
+//         filter.advance(state, phase, time, bent);
+//         filter.emit(state, time, rest strands then, bent, pose);
+//     }
 //
 // What it costs: a bent pose for each past sample that the state has not passed yet, and about 4 ns a CV for it.
 #pragma once
@@ -17,14 +20,14 @@
 namespace marram {
 
 // The state of the strands of one patch at a past sample. If it is kept until the next frame, that goes on from
-// it; if not, the frame has the same bits, later. 96 bytes a CV.
+// it; if not, the frame has the same bits, later. 100 bytes a CV.
 struct JiggleState {
     struct Target {
         int64_t sample = 0;
         bool known = false;
         WideVector<Wide3f> pose; // [blocks * cvs]
     };
-    bool kept = false; // from frame to frame, by its owner
+    bool kept = false, in_use = false; // for the owner, who keeps it from frame to frame
     bool begun = false;
     JiggleRun run;
     int64_t sample = 0;               // of lag and velocity

@@ -359,11 +359,14 @@ void GroomInstance::lay_out() {
     }
     if (wind.jiggle) { // attributes may scale lengths or the wind, and differ from frame to frame
         Digest digest;
-        for (const MarramAttribute& attribute : attributes) {
-            const size_t count =
-                attribute.rate == MARRAM_PER_FACE ? mesh->triangle_count : mesh->vertex_count;
-            digest.add(attribute.values, count * attribute.components * sizeof(float));
-        }
+        for (const Factors* factors : factors_of(groom))
+            for (const Factor& factor : *factors) {
+                if (factor.image) continue; // included in the digest of the values
+                const MarramAttribute& attribute = attributes[factor.index];
+                const size_t count =
+                    attribute.rate == MARRAM_PER_FACE ? mesh->triangle_count : mesh->vertex_count;
+                digest.add(attribute.values, count * sizeof(float));
+            }
         if (digest.value() != attributes_digest) forget_past();
         attributes_digest = digest.value();
     }
@@ -456,9 +459,10 @@ void GroomInstance::tessellate(uint32_t index, const MarramPatchBuffers& buffers
     const RestStrandSource rest_strands = patch_rest_strand_source(*this, patch, worker.chain.clock);
     const bool follows = !guide_motion.blown.empty();
     const bool jiggles = !past.window.empty() && !follows;
-    if (jiggles)
-        jiggle_patch(chain, rest_strands, strands, worker.chain, index % patches_per_instance(),
-                     kept_state(index, 0, strands));
+    if (jiggles) {
+        const KeptState kept = kept_state(index, 0, strands);
+        jiggle_patch(chain, rest_strands, strands, worker.chain, index % patches_per_instance(), kept.get());
+    }
     for (uint32_t time = 0; time < time_count; ++time) {
         // If the mesh is static, later motion samples reuse the rest strands.
         if (rest_strands.moves || (time == 0 && !jiggles)) rest_strands.at_time(time, strands);

@@ -91,8 +91,6 @@ void blow_guides(GroomInstance& instance) {
                 at.normals.push_back(frame_at(now, set.guide(g).triangle, set.guide(g).weights).normal);
         }
     const size_t batches = (set.count() + guides_at_once - 1) / guides_at_once;
-    if (!instance.jiggle_states.empty())
-        instance.guide_states.resize(batches * instance.mesh_instances.size());
     marram::parallel_for(size_t{0}, batches * instance.mesh_instances.size(), [&](size_t job) {
         const size_t first = job % batches * guides_at_once,
                      count = std::min(guides_at_once, set.count() - first);
@@ -107,11 +105,10 @@ void blow_guides(GroomInstance& instance) {
         };
         const RestStrandSource rest_strands = rest_strand_source(instance, mesh_instance, lay_out, nullptr);
         const bool jiggles = !instance.past.window.empty();
-        if (jiggles)
-            jiggle_patch(chain, rest_strands, strands, worker.chain, uint32_t(job % batches),
-                         instance.guide_states.empty()
-                             ? nullptr
-                             : instance.if_it_fits(instance.guide_states[job], strands));
+        if (jiggles) {
+            const StrandInstance::KeptState kept = instance.guide_state(job, strands);
+            jiggle_patch(chain, rest_strands, strands, worker.chain, uint32_t(job % batches), kept.get());
+        }
         for (uint32_t time = 0; time < instance.time_count; ++time) {
             if (rest_strands.moves || (time == 0 && !jiggles)) rest_strands.at_time(time, strands);
             run_chain(chain, time, strands, worker.chain);

@@ -257,12 +257,14 @@ void ImportInstance::lay_out() {
     }
     check_still_bound(*this);
     if (rebind_if_changed(*this)) forget_past();
-    if (wind.jiggle &&
-        !curves.curves.moves) { // curves that a procedural makes may differ from frame to frame
-        const uint64_t digest =
-            digest_bytes(vertices(0), 4 * sizeof(float) * (curves.cv_count() + 2 * curves.count()));
-        if (digest != vertices_digest) forget_past();
-        vertices_digest = digest;
+    if (wind.jiggle) { // curves that a procedural makes may differ from frame to frame
+        Digest digest;
+        if (!curves.curves.moves)
+            digest.add(vertices(0), 4 * sizeof(float) * (curves.cv_count() + 2 * curves.count()));
+        for (const CurveFactor& factor : settings.wind_by)
+            digest.add(curves.find(factor.name)->values, curves.count() * sizeof(float));
+        if (digest.value() != past_digest) forget_past();
+        past_digest = digest.value();
     }
     check_widths(*this);
     mesh_instances.assign(1, MeshInstance{mesh});
@@ -318,7 +320,6 @@ JigglePilot ImportInstance::pilot(double tolerance) const {
     for (uint64_t c = 0, seen = 0; c < instance.curves.count() && some.size() < 400; ++c)
         if (instance.curves.cvs(c) == cvs && seen++ % step == 0) some.push_back(uint32_t(c));
     const size_t count = some.size();
-    Eigen::AlignedBox3d rest = bounds_of_import(instance);
     return {instance.wind,
             instance.frame,
             instance.mesh,
@@ -326,7 +327,6 @@ JigglePilot ImportInstance::pilot(double tolerance) const {
             instance.basis,
             instance.longest_now,
             tolerance,
-            rest,
             count,
             int(cvs),
             true,
@@ -405,9 +405,11 @@ void ImportInstance::tessellate(uint32_t index, const MarramPatchBuffers& buffer
         const RestStrandSource rest_strands = imported_rest_strands(batch, worker.chain.clock);
         const bool jiggles = !past.window.empty();
         const auto run_index = size_t(&run - patch.runs.data());
-        if (jiggles)
+        if (jiggles) {
+            const KeptState kept = kept_state(index, run_index, strands);
             jiggle_patch(chain, rest_strands, strands, worker.chain, index % uint32_t(patches.size()),
-                         kept_state(index, run_index, strands));
+                         kept.get());
+        }
         for (uint32_t time = 0; time < time_count; ++time) {
             // If skin and curves are static, later motion samples reuse the rest strands.
             if (rest_strands.moves || (time == 0 && !jiggles)) rest_strands.at_time(time, strands);

@@ -43,8 +43,8 @@ struct ImportInstance : StrandInstance {
     Binding binding;                  // empty if strands are not bound
     std::vector<ImportPatch> patches;
     Eigen::AlignedBox3d bind_box; // of all CVs in the bind pose
+    uint64_t past_digest = 0;     // of what else the past depends on, if there is jiggle
     // Of CV counts and whether curves move; of the mesh's topology.
-    uint64_t vertices_digest = 0; // of curves that do not move, if there is jiggle
     uint64_t bind_layout_digest = 0, bind_topology_digest = 0;
     uint32_t least_cvs = 2; // of a strand
     double longest_at_bind = 0.0,

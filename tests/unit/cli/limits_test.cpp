@@ -321,7 +321,7 @@ TEST(Limits, LongWorkIsAnnounced) {
                 "jiggle = { frequency = 2, damping = 0.001 }\n";
     text.groom = "count = 20000\ncvs = 5\nlength = [0.3, 0.5]\nwidth = 0.002\n";
     const std::string scene = folder.write("a.toml", text);
-    EXPECT_EQ(interrupt_in("s of one processor for each frame", {"render", scene, "-o", folder / "a.exr"}),
+    EXPECT_EQ(interrupt_in("s of one processor for a frame alone", {"render", scene, "-o", folder / "a.exr"}),
               130);
     EXPECT_EQ(folder.names(), std::set<std::string>{"a.toml"});
 }

@@ -33,9 +33,10 @@ inline bool has_a_past(const MarramMesh& mesh) { return mesh.moves != 0 || mesh.
 
 // Gets the skin's poses from the renderer over the window that the frame's motion samples need. `length`:
 // upper bound of strand lengths, m. `travel`: of the skin's instances, by measure_travel(), m. Memory: 12
-// bytes per vertex (24 with normals) for each past sample at which the skin differs from the one before; a skin that never moves is read once.
-// `announce` gets the number of past samples before they are read, which may take long. `earlier`: what an earlier
-// frame has read of the same mesh with the same step; its poses are not read again.
+// bytes per vertex (24 with normals) for each past sample at which the skin differs from the one before; a
+// skin that never moves is read once. `announce` gets the number of past samples before they are read, which
+// may take long. `earlier`: what an earlier frame has read of the same mesh with the same step; its poses
+// are not read again.
 PastSkin read_past(const MarramFrame& frame, uint32_t mesh, const Jiggle& jiggle, double length,
                    double travel, const PastSkin& earlier, const std::function<void(int64_t)>& announce);
 

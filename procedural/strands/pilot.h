@@ -29,13 +29,14 @@ struct Choice {
     bool enough; // false: no allowed value reaches the tolerance
 };
 
-// The smallest CV count, 3 to 1000, for which the polygons of strands in full wind without gusts, and of strands
-// that jiggle in gusts, are within the tolerance of the limit of infinitely many CVs; likewise the widths. Measured
-// with 2, 4, 8, 16 and 32 segments against 64. Between and beyond these, the error falls by the power of the segment
-// count that was measured, at most the second. Shelter adds its own error, which falls with the number of CVs. With
-// curls or frizz, the measurement starts at six segments per turn. Uses three moments that are fixed for the
-// shot, so the result depends on the description and the tolerance, not on the frame. Cost: 512 strands of
-// 132 CVs; with jiggle, also 600 of 132 CVs over its window; with shielding, 680 of 65.
+// The smallest CV count, 3 to 1000, for which the polygons of strands in full wind without gusts, and of
+// strands that jiggle in gusts, are within the tolerance of the limit of infinitely many CVs; likewise the
+// widths. Measured with 2, 4, 8, 16 and 32 segments against 64. Between and beyond these, the error falls by
+// the power of the segment count that was measured, at most the second. Shelter adds its own error, which
+// falls with the number of CVs. With curls or frizz, the measurement starts at six segments per turn. Uses
+// three moments that are fixed for the shot, so the result depends on the description and the tolerance, not
+// on the frame. Cost: 512 strands of 132 CVs; with jiggle, also 600 of 132 CVs over its window; with
+// shielding, 680 of 65.
 Choice cvs_for(const PilotGroom& pilot);
 
 // A sample of strands of one CV count that swing on a static skin.
@@ -55,16 +56,16 @@ struct JigglePilot {
 
 JigglePilot jiggle_pilot(const PilotGroom& pilot, double tolerance);
 
-// The moment at which the step of jiggle is chosen for a frame: one for every 16 frames, so that neighbours have one
-// step, and need not choose it again.
+// The moment at which the step of jiggle is chosen for a frame: one for every 16 frames, so that neighbours
+// have one step, and need not choose it again.
 double jiggle_moment(double frame);
 
 // The step between samples of the past in frames: 1/64, 1/32, ... 2. Steps of 2, 1 and 1/2 are compared with
-// 1/4 at the moment; for finer ones the error is extrapolated with the square of the step, as where gusts begin (between,
-// it falls faster). At most 1/2 if jiggle has a start_frame, which is rounded down to a whole number of steps. Not finer
-// than a window of 2048 samples allows. On a moving skin always 1/2: its motion is usually keyed at whole frames, and each
-// trial would need new poses from the host. Cost: 400 strands, so that four of them
-// are beyond the 99th percentile, over about 200 past samples.
+// 1/4 at the moment; for finer ones the error is extrapolated with the square of the step, as where gusts
+// begin (between, it falls faster). At most 1/2 if jiggle has a start_frame, which is rounded down to a
+// whole number of steps. Not finer than a window of 2048 samples allows. On a moving skin always 1/2: its
+// motion is usually keyed at whole frames, and each trial would need new poses from the host. Cost: 400
+// strands, so that four of them are beyond the 99th percentile, over about 200 past samples.
 Choice jiggle_step_for(const JigglePilot& pilot, double moment, bool skin_moves);
 
 inline constexpr double default_jiggle_step = 0.5;

@@ -116,8 +116,8 @@ bool StrandInstance::moves_in_window() {
     return sample_past_transforms(frame, *wind.jiggle, window.window, mesh_instances) || window.moves();
 }
 
-// The step of jiggle, by what is the same in neighbouring frames where possible: it is then not chosen again, and what
-// they keep stays valid. The tolerance is rounded down by up to 9 %.
+// The step of jiggle, by what is the same in neighbouring frames where possible: it is then not chosen
+// again, and what they keep stays valid. The tolerance is rounded down by up to 9 %.
 Choice StrandInstance::choose_step(double tolerance) {
     const double length = longest(); // before past transforms are known
     const bool moved = moves_in_window();

@@ -78,8 +78,9 @@ struct StrandInstance : Instance {
     std::string summary() const;
     void report(const ReportSink& sink);
 
-    // The state of a batch of a patch, for one thread at a time: none if it is not kept, if another thread works on the
-    // same patch, or if it would take more memory than jiggle.memory. `strands` has the batch's size.
+    // The state of a batch of a patch, for one thread at a time: none if it is not kept, if another thread
+    // works on the same patch, or if it would take more memory than jiggle.memory. `strands` has the batch's
+    // size.
     class KeptState {
       public:
         KeptState() = default;
@@ -107,7 +108,8 @@ struct StrandInstance : Instance {
   protected:
     // Stores new values of the wind: what was chosen and checked for the old ones is void.
     void take_wind(Wind given);
-    // Forgets the past: new frames begin with a whole window. To be called where strands are placed or bound anew.
+    // Forgets the past: new frames begin with a whole window. To be called where strands are placed or bound
+    // anew.
     void forget_past();
     void announce_long_work(int64_t past_samples);
 

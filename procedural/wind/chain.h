@@ -3,10 +3,11 @@
 //
 //     gusts, shielding (both set the envelope) -> bend -> jiggle -> collision
 //
-// To add a stage: <stage>.{h,cpp} with its settings, <stage>_params(), read_<stage>() and a function on Strands; its
-// settings in Wind (wind.h); its parameters and its reader in wind_params() and read_wind() (wind.cpp); its call in
-// run_chain(), or in bend_at() if jiggle needs it in the past, too; a member of StageClock and its row in stages()
-// (chain.cpp), from which its statistics come; its words in wind_summary() (strands/wind_words.cpp).
+// To add a stage: <stage>.{h,cpp} with its settings, <stage>_params(), read_<stage>() and a function on
+// Strands; its settings in Wind (wind.h); its parameters and its reader in wind_params() and read_wind()
+// (wind.cpp); its call in run_chain(), or in bend_at() if jiggle needs it in the past, too; a member of
+// StageClock and its row in stages() (chain.cpp), from which its statistics come; its words in
+// wind_summary() (strands/wind_words.cpp).
 #pragma once
 
 #include "core/math/clock.h"
@@ -98,14 +99,15 @@ struct RestStrandSource {
 };
 
 // Jiggle for one patch: computes its poses at all motion samples from past bent poses, into scratch.jiggled.
-// Call run_chain() for each sample afterwards; unless they move, `strands` holds the rest strands then. `phase`: any number of the patch, the same in every frame. `kept`: its
-// state from an earlier frame, which must have had the same wind, rest strands and runs (JiggleWindow::same_runs); it
-// becomes that of this frame. nullptr: the whole window is run through. Both ways give the same bits. The sheltered fraction is that of the first motion sample for
-// the whole window. This is exact if colliders are static. If the edge of a shelter moves, strands it passed
-// within the last 1 / (damping omega) seconds, about the filter's memory, are wrong. For an obstacle that
-// crosses the wind at 1 m/s, at 3 Hz and damping 0.3: a third of the strands behind it are off by more than
-// 1 % of their length, the worst by their whole length, or by a quarter if a cone of 10 degrees softens the
-// edge (tests/chain/shelter_test.cpp prints more).
+// Call run_chain() for each sample afterwards; unless they move, `strands` holds the rest strands then.
+// `phase`: any number of the patch, the same in every frame. `kept`: its state from an earlier frame, which
+// must have had the same wind, rest strands and runs (JiggleWindow::same_runs); it becomes that of this
+// frame. nullptr: the whole window is run through. Both ways give the same bits. The sheltered fraction is
+// that of the first motion sample for the whole window. This is exact if colliders are static. If the edge
+// of a shelter moves, strands it passed within the last 1 / (damping omega) seconds, about the filter's
+// memory, are wrong. For an obstacle that crosses the wind at 1 m/s, at 3 Hz and damping 0.3: a third of the
+// strands behind it are off by more than 1 % of their length, the worst by their whole length, or by a
+// quarter if a cone of 10 degrees softens the edge (tests/chain/shelter_test.cpp prints more).
 void jiggle_patch(const ChainFrame& chain, const RestStrandSource& rest_strands, Strands& strands,
                   ChainScratch& scratch, uint32_t phase = 0, JiggleState* kept = nullptr);
 

@@ -7,19 +7,17 @@
 //             = C(X)                                                                       zeta >= 1, exactly: S > 0
 //             <= e^(-zeta X) min(1 / (zeta p), (1 + zeta X) / zeta^2), p = sqrt(1 - zeta^2)         zeta < 1
 //
-// from |sin| <= 1 and from |sin x| <= x. The first bound is that of chain.md. The second stays finite at zeta
+// from |sin| <= 1 and from |sin x| <= x. The second bound stays finite at zeta
 // = 1, where it equals the exact (1 + X) e^-X. The bound decreases with omega: the CV with the lowest
 // stiffness decides.
 //
-// Longer steps. An error of the target at age T reaches the pose as tail'(omega T). A cubic between samples h apart is
-// off by a power of h between 2 (at a kink) and 4 (smooth motion), so where the tail has fallen to e^-2 = 0.14,
-// e^-4, ... of its start, steps of 2, 4, ... samples add about as much error as those after them. Measured on the
-// lawn of README.md at 1 frame: 25 samples instead of 52, the error grows from 1.02 to 1.04 mm; with steps that double
-// at each factor of e it would be 2.6 mm.
+// Longer steps. An error of the target at age T reaches the pose as tail'(omega T). A cubic between samples
+// h apart is off by a power of h between 2 (at a kink) and 4 (smooth motion), so where the tail has fallen
+// to e^-2 = 0.14, e^-4, ... of its start, steps of 2, 4, ... samples add about as much error as those after
+// them: half the samples for the same error. Doubling at each factor of e would more than double the error.
 //
-// Period. A frame alone pays for the window and for half a period on average; a sequence for its own samples and
-// for a window once a period. A period of half the window's samples costs the first a quarter more and the second
-// two samples more for each of its own.
+// Period. A frame alone pays for the window and for half a period on average; a sequence for its own samples
+// and for a window once a period. The period is the power of two between half and all of the window's samples.
 #include "procedural/wind/jiggle.h"
 
 #include "procedural/abi/param.h"
@@ -172,8 +170,8 @@ void lay_out_steps(const std::vector<double>& ages, double memory, JiggleWindow&
         const bool last = level + 1 == ages.size() || !(ages[level + 1] < memory);
         const double size = std::ldexp(1.0, int(level));
         const double left = std::max(0.0, (last ? memory : ages[level + 1]) - covered) / size;
-        // An even number, not 0, but for the last: the cubic of a longer step reaches into the next by its own size, and
-        // from the last of them not beyond what a time after the epoch needs.
+        // An even number, not 0, but for the last: the cubic of a longer step reaches into the next by its
+        // own size, and from the last of them not beyond what a time after the epoch needs.
         const double count = last ? std::ceil(left) : std::max(2.0, 2.0 * std::ceil(0.5 * left));
         window.steps.push_back(int64_t(count));
         covered += count * size;

@@ -2,10 +2,11 @@
 // Curve jiggle: its settings, and which past samples a pose needs. The oscillator is in jiggle_step.h, the filter
 // in jiggle_filter.h.
 //
-// A pose at a time depends on nothing but that time and the scene. Yet frames share work: time is divided into
-// periods that begin at epochs. Within a period a run advances in whole samples, so that a frame goes on from the
-// state that an earlier one has reached. The run is defined by its epoch alone: it starts from rest one window
-// before, in steps that halve on the way to the epoch, because an error made long ago has decayed as much.
+// A pose at a time depends on nothing but that time and the scene. Yet frames share work: time is divided
+// into periods that begin at epochs. Within a period a run advances in whole samples, so that a frame goes
+// on from the state that an earlier one has reached. The run is defined by its epoch alone: it starts from
+// rest one window before, in steps that halve on the way to the epoch, because an error made long ago has
+// decayed as much.
 //
 //     window        8     8     8     8    4  4  4  4   2 2 2 2  1111|1111111111111111|
 //                 start from rest                                  epoch     next epoch: another run
@@ -63,8 +64,8 @@ struct JiggleWindow {
     bool empty() const { return first > last; } // all times lie before `start`
     int64_t count() const { return last - first + 1; }
     int64_t most_samples() const; // that one patch needs for a frame without an earlier one
-    // The run that the pose of a patch within [sample, sample + 1) belongs to. `phase`: any number of the patch;
-    // it shifts the epochs, so that not all patches begin a run in the same frame.
+    // The run that the pose of a patch within [sample, sample + 1) belongs to. `phase`: any number of the
+    // patch; it shifts the epochs, so that not all patches begin a run in the same frame.
     JiggleRun run_at(int64_t sample, uint32_t phase) const;
     int level_at(const JiggleRun& run, int64_t sample) const; // of the step that begins at the sample
     // True: poses of both belong to the same runs.

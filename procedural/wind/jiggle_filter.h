@@ -7,7 +7,8 @@
 //         filter.emit(state, time, rest strands then, bent, pose);
 //     }
 //
-// What it costs: a bent pose for each past sample that the state has not passed yet, and about 4 ns a CV for it.
+// What it costs: a bent pose for each past sample that the state has not passed yet, and about 4 ns a CV for
+// it.
 #pragma once
 
 #include "procedural/wind/jiggle.h"
@@ -56,10 +57,10 @@ class JiggleFilter {
     // Moves the state on to the past sample before `frame`, which begins a run if need be.
     void advance(JiggleState& state, uint32_t phase, double frame, const BentPoseAt& bent);
 
-    // The pose at `frame`, which is within one past sample of the state's. From the root, offsets are those of the
-    // cubic plus the lag; each segment takes its direction from them, its length and the root from now.rest.
-    // Positions are rounded once. A strand whose target has not moved and that is at rest is copied from the target
-    // bit for bit. Before jiggle.start_frame the pose is now.pose.
+    // The pose at `frame`, which is within one past sample of the state's. From the root, offsets are those
+    // of the cubic plus the lag; each segment takes its direction from them, its length and the root from
+    // now.rest. Positions are rounded once. A strand whose target has not moved and that is at rest is
+    // copied from the target bit for bit. Before jiggle.start_frame the pose is now.pose.
     void emit(JiggleState& state, double frame, const Strands& now, const BentPoseAt& bent,
               WideVector<Wide3f>& pose);
 

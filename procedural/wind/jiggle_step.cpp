@@ -7,9 +7,9 @@
 //
 //     de/dtau = w - dg/dtau          dw/dtau = -e - 2 zeta w
 //
-// Both e and w are continuous, so they are the whole state. A static target leaves e = w = 0 exactly 0. Let S be the
-// homogeneous solution with S(0) = 0, S'(0) = 1, and C = S' + 2 zeta S (C(0) = 1, C' = -S). Over a step of tau
-// radians, with t from 0 to 1 and g'(t) = dg/dt,
+// Both e and w are continuous, so they are the whole state. A static target leaves e = w = 0 exactly 0. Let
+// S be the homogeneous solution with S(0) = 0, S'(0) = 1, and C = S' + 2 zeta S (C(0) = 1, C' = -S). Over a
+// step of tau radians, with t from 0 to 1 and g'(t) = dg/dt,
 //
 //     e1 = C e0 + S w0 - int C(tau (1 - t)) g'(t) dt         w1 = -S e0 + S' w0 + int S(tau (1 - t)) g'(t) dt
 //
@@ -27,15 +27,15 @@
 //
 //     (-F_j, G_j)(2 tau) = 2^-(j+1) (M(tau) (-F_j, G_j)(tau) + sum over i of binom(j, i) (-F_i, G_i)(tau)),   M(2 tau) = M(tau)^2
 //
-// with M = (C, S; -S, S'). M shrinks every state, so that rounding does not grow. This holds for any damping, and
-// gives the steps of 2, 4, ... samples on the way.
+// with M = (C, S; -S, S'). M shrinks every state, so that rounding does not grow. This holds for any
+// damping, and gives the steps of 2, 4, ... samples on the way.
 //
 // The cubic. With the changes D0, D1, D2 of four samples, Catmull and Rom's cubic between the middle two is
 //
 //     a1 = (D0 + D1) / 2       a2 = -D0 + 3/2 D1 - 1/2 D2       a3 = 1/2 D0 - D1 + 1/2 D2
 //
-// Over the first `share` q of it, t = q t': a1 q, a2 q^2, a3 q^3. Collecting a1 F0 + 2 a2 F1 + 3 a3 F2 by D0, D1 and D2
-// gives f; for D0 = D1 = D2 it is F_0 q D1, the response to steady motion.
+// Over the first `share` q of it, t = q t': a1 q, a2 q^2, a3 q^3. Collecting a1 F0 + 2 a2 F1 + 3 a3 F2 by
+// D0, D1 and D2 gives f; for D0 = D1 = D2 it is F_0 q D1, the response to steady motion.
 #include "procedural/wind/jiggle_step.h"
 
 #include <algorithm>
@@ -104,7 +104,8 @@ MARRAM_INLINE Moments<Real> doubled(const Moments<Real>& m) {
 template <typename Real>
 MARRAM_INLINE Moments<Real> moments(double damping, const Real& radians) {
     const double fastest = damping > 1.0 ? 2.0 * damping : 1.0; // pole, b < 2 zeta
-    // Beyond, a step is many decays or more turns than a float can tell apart; each doubling doubles a rounded turn.
+    // Beyond, a step is many decays or more turns than a float can tell apart; each doubling doubles a
+    // rounded turn.
     constexpr double longest = 0x1p30;
     const Real limited = vmin(radians, longest / fastest);
     const double most = greatest(limited) * fastest;

@@ -10,8 +10,8 @@
 namespace marram {
 
 // Over a step, the target moves along the cubic through two samples whose slopes are those of the neighbours
-// (Catmull-Rom). D0, D1, D2: its changes from the sample before to the first, from the first to the second, and from
-// there to the next. Lag e and velocity w (metres a radian):
+// (Catmull-Rom). D0, D1, D2: its changes from the sample before to the first, from the first to the second,
+// and from there to the next. Lag e and velocity w (metres a radian):
 //
 //     e' = c e + s w - f[0] D0 - f[1] D1 - f[2] D2
 //     w' = -s e + d w + g[0] D0 + g[1] D1 + g[2] D2

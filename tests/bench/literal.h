@@ -26,9 +26,10 @@ struct LiteralStrands { // the CVs of a strand are contiguous
 void blow_literally(const Wind& wind, const GustField& field, const Colliders& colliders,
                     LiteralStrands& strands);
 
-// Jiggle as a simulation: bends the strands in the gusts of a frame, and moves the spring of each CV on to it from the
-// frame before, by as many steps of semi-implicit Euler as keep the stiffest below half a radian. `shelter`: [strand], as
-// shelter_literally() finds it. If `shown`, collides from rest towards the swung strand, its lengths restored.
+// Jiggle as a simulation: bends the strands in the gusts of a frame, and moves the spring of each CV on to
+// it from the frame before, by as many steps of semi-implicit Euler as keep the stiffest below half a
+// radian. `shelter`: [strand], as shelter_literally() finds it. If `shown`, collides from rest towards the
+// swung strand, its lengths restored.
 std::vector<float> shelter_literally(const Wind& wind, const Colliders& colliders,
                                      const LiteralStrands& strands);
 void simulate_literally(const Wind& wind, double fps, const GustField& field, const Colliders& colliders,

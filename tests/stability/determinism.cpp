@@ -144,9 +144,9 @@ TEST(Determinism, WhatIsKeptFromFrameToFrameChangesNoBit) {
         std::string line = "l";
         for (int k = 0; k < 4 + i % 4; ++k) {
             const double r = 1.0 + 0.1 * k;
-            points +=
-                fmt::format("v {:.6f} {:.6f} {:.6f}\n", r * std::cos(angle), r * 0.3, r * std::sin(angle));
-            line += fmt::format(" {}", -1 - k);
+            points += fmt::format("v {:.6f} {:.6f} {:.6f}\n", 0.8 * r * std::cos(angle), r * 0.6,
+                                  0.8 * r * std::sin(angle));
+            line += fmt::format(" {}", k - (4 + i % 4));
         }
         points += line + "\n";
     }
@@ -159,7 +159,7 @@ TEST(Determinism, WhatIsKeptFromFrameToFrameChangesNoBit) {
             "0.01\n"
             "[[procedural]]\nname = \"led\"\ntype = \"groom\"\non = \"ball\"\ncount = 100\ncvs = 5\nwidth = "
             "0.01\n"
-            "guides = { curves = \"lines\", wind = \"guides\" }\n";
+            "guides = { curves = \"lines\", wind = \"guides\", reach = 3 }\n";
     const std::string scene = folder.write("a.toml", text);
     const auto bake = [&](const std::string& name, std::vector<std::string> more) {
         more.insert(more.begin(), {"bake", scene, "--quiet", "-o", folder / name});

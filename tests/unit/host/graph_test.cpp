@@ -294,6 +294,28 @@ TEST(Motion, OfAMeshThatAProceduralMakesIsFollowed) {
     EXPECT_EQ(scene.build().meshes[0].positions.size(), 2u);
 }
 
+// The past of such a mesh is asked for, whatever the shutter.
+TEST(Motion, OfAMeshThatAProceduralMakesDragsStrandsWithAClosedShutterToo) {
+    const std::string wind = "\n[wind]\nspeed = 0\n", swings = "jiggle = { frequency = 2, step = 0.5 }\n",
+                      scene = hill("dune", "swell = 1") + groom("hair", "dune", "lean = 40\n");
+    TestScene closed(wind + swings + scene), open(wind + swings + scene), stiff(wind + scene);
+    closed.settings.shutter_close = stiff.settings.shutter_close = 0.0;
+    open.settings.shutter_close = 1.0;
+    open.settings.motion_keys = 3;
+    const World a = closed.build(), b = open.build(), c = stiff.build();
+    const CurveGeometry &at_once = a.curves[0], &blurred = b.curves[0], &rigid = c.curves[0];
+    ASSERT_EQ(at_once.vertices.size(), 1u);
+    ASSERT_EQ(blurred.vertices.size(), 3u);
+    double differ = 0.0, lag = 0.0;
+    for (size_t i = 0; i < at_once.curve_count; ++i) {
+        const uint32_t tip = at_once.cvs_per_curve - 1;
+        differ = std::max(differ, double((cv(at_once, 0, i, tip) - cv(blurred, 0, i, tip)).norm()));
+        lag = std::max(lag, double((cv(at_once, 0, i, tip) - cv(rigid, 0, i, tip)).norm()));
+    }
+    EXPECT_LT(differ, 1e-5);
+    EXPECT_GT(lag, 1e-3);
+}
+
 // ---- simulation
 
 // Simulated frames are stored and not simulated again: from frame to frame, and from run to run.

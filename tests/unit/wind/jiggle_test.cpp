@@ -258,8 +258,8 @@ Motion swaying(uint64_t seed, int n, double root_travel = 0.3, const Vec3d& plac
 
 using Matrix = Eigen::Matrix<long double, 5, 5>;
 
-// Matrix exponential of the oscillator's generator for (e, w, a1, 2 a2, 6 a3), the derivatives of a cubic target in t
-// from 0 to 1, by scaling and squaring.
+// Matrix exponential of the oscillator's generator for (e, w, a1, 2 a2, 6 a3), the derivatives of a cubic
+// target in t from 0 to 1, by scaling and squaring.
 Matrix exponential(double zeta, double tau) {
     Matrix a = Matrix::Zero();
     a(0, 1) = tau;
@@ -766,8 +766,8 @@ std::vector<HardMotion> hard_motions() {
 
 } // namespace
 
-// The pose against a run over the whole history in small steps. The error of a step is shown for steps of 1, 1/2, 1/4
-// and 1/8 frame, and bounded: by the tolerance's window, and by the fall of the steps' own error.
+// The pose against a run over the whole history in small steps. The error of a step is shown for steps of 1,
+// 1/2, 1/4 and 1/8 frame, and bounded: by the tolerance's window, and by the fall of the steps' own error.
 TEST(Jiggle, HardMotionsConvergeToTheirWholeHistory) {
     constexpr double tolerance = 1e-3, reach = 10.0, finest = 1.0 / 32.0;
     for (const HardMotion& hard : hard_motions())

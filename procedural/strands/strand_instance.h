@@ -63,7 +63,7 @@ struct StrandInstance : Instance {
     double kept_cvs = 0.0;                // in these, with unused lanes
     std::optional<StepChoice> step_choice;
     uint64_t instances_digest = 0;    // of mesh_instances: which, and where at bind_frame
-    PastSettings past_settings;       // that they, and `past`, were made with
+    PastSettings past_settings;       // that jiggle_states, guide_states and `past` were made with
     std::optional<double> last_frame; // rendered with these values, if any
     GustStart gust_start;
     bool gusts_checked = false;      // for gusts that touch nothing
@@ -79,8 +79,8 @@ struct StrandInstance : Instance {
     void report(const ReportSink& sink);
 
     // The state of a batch of a patch, for one thread at a time: none if it is not kept, if another thread
-    // works on the same patch, or if it would take more memory than jiggle.memory. `strands` has the batch's
-    // size.
+    // works on the same patch, or if it would take more memory than jiggle.memory (get() is then nullptr,
+    // and the patch runs through its whole window). `strands` has the batch's size.
     class KeptState {
       public:
         KeptState() = default;
@@ -150,7 +150,7 @@ struct StrandInstance : Instance {
     Choice choose_step(double tolerance);
     PastSettings settings_of_past() const;
     void prepare_states();
-    void drop_states();
+    void drop_states(); // the states alone; poses of the skin and the chosen step stay
     KeptState if_it_fits(JiggleState& state, const Strands& strands);
     std::mutex states_mutex_; // of in_use and the lengths of lists
     PastSkin read_jiggle_past();

@@ -6,7 +6,10 @@
 // into periods that begin at epochs. Within a period a run advances in whole samples, so that a frame goes
 // on from the state that an earlier one has reached. The run is defined by its epoch alone: it starts from
 // rest one window before, in steps that halve on the way to the epoch, because an error made long ago has
-// decayed as much.
+// decayed as much. (Rest: no lag and no velocity, in the bent pose.) With a start_frame within that window, the
+// run begins there instead, in single samples, and is the only one until the window has left it behind.
+//
+// "Period" and "phase" are of these restarts, never of the oscillation.
 //
 //     window        8     8     8     8    4  4  4  4   2 2 2 2  1111|1111111111111111|
 //                 start from rest                                  epoch     next epoch: another run
@@ -56,7 +59,7 @@ struct JiggleWindow {
     static constexpr int64_t endless = int64_t{1} << 60;
 
     std::vector<int64_t> steps;   // [level]: number of steps of 2^level samples before an epoch
-    int64_t length = 0;           // of these steps together, in samples; endless: strands never come to rest
+    int64_t length = 0;           // of these steps together, in samples; endless: all runs begin at `start`
     int64_t period = 1;           // samples from epoch to epoch
     std::optional<int64_t> start; // strands are in their bent pose until this sample
     int64_t first = 0, last = -1; // all samples that poses at the times can need

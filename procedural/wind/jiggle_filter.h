@@ -4,7 +4,7 @@
 //     filter.begin(jiggle, window, fps, cvs, blocks);
 //     for (each time of the frame) {
 //         filter.advance(state, phase, time, bent);
-//         filter.emit(state, time, rest strands then, bent, pose);
+//         filter.emit(state, time, strands at that time, bent, pose);
 //     }
 //
 // What it costs: a bent pose for each past sample that the state has not passed yet, and about 4 ns a CV for
@@ -25,7 +25,7 @@ namespace marram {
 struct JiggleState {
     struct Target {
         int64_t sample = 0;
-        bool known = false;
+        bool known = false; // `pose` is that of `sample`
         WideVector<Wide3f> pose; // [blocks * cvs]
     };
     bool kept = false, in_use = false; // for the owner, who keeps it from frame to frame
@@ -47,7 +47,9 @@ struct JiggleState {
 // Sets `pose` [blocks * cvs] to the bent pose at a past sample.
 using BentPoseAt = std::function<void(int64_t past_sample, WideVector<Wide3f>& pose)>;
 
-// Reusable: memory is kept between patches.
+// One for each thread, and a state for each patch; `bent` is called by the calling thread. Frames may come
+// in any order: one before the state's sample begins the run again. Reusable: buffers are kept between
+// patches.
 class JiggleFilter {
   public:
     // u: [blocks * cvs] if the segments of a strand differ in length, else empty.

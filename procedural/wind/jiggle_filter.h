@@ -25,7 +25,7 @@ namespace marram {
 struct JiggleState {
     struct Target {
         int64_t sample = 0;
-        bool known = false; // `pose` is that of `sample`
+        bool known = false;      // `pose` is that of `sample`
         WideVector<Wide3f> pose; // [blocks * cvs]
     };
     bool kept = false, in_use = false; // for the owner, who keeps it from frame to frame

@@ -16,7 +16,7 @@ namespace marram {
 // gave it.
 class PastGusts {
   public:
-    struct Key { // with the same Gusts, unchanged, and wind: the same gusts at a sample
+    struct Key {                      // with the same Gusts, unchanged, and wind: the same gusts at a sample
         double fps = 0.0, step = 0.0; // step: frames between samples
         Eigen::AlignedBox3d within;   // m, world space: as in gusts_at()
     };

@@ -204,10 +204,9 @@ double StrandMotion::residual_error(uint32_t keys, double tolerance) const {
 }
 
 uint32_t StrandMotion::keys_for(double tolerance) const {
-    // Only some patches are measured, and others may move faster. Fitted to the scenes: see the README.
-    constexpr double spare = 1.25;
     uint32_t keys = 2;
-    while (keys < max_motion_keys && spare * residual_error(keys, tolerance) > tolerance) ++keys;
+    while (keys < max_motion_keys && strand_motion_margin * residual_error(keys, tolerance) > tolerance)
+        ++keys;
     return keys;
 }
 

@@ -17,6 +17,9 @@ namespace marram {
 
 constexpr uint32_t max_motion_keys = 64;
 
+// Strands are measured at few instants, and only some of them: the tolerance is divided by this.
+constexpr double strand_motion_margin = 1.25; // fitted to the scenes: see the README
+
 // Motion sample times in frames: `keys` equally spaced from `open` to `close`, both ends exact; one if open =
 // close.
 std::vector<double> motion_times(double open, double close, uint32_t keys);
@@ -48,8 +51,8 @@ class StrandMotion {
     // distance.
     double residual_error(uint32_t keys, double tolerance) const;
     double jump_fraction(double tolerance) const; // the fraction of strands that jump
-    // The smallest number of keys, 2 ... 64, that keeps residual_error() within the tolerance with a margin
-    // of 1.25; else 64.
+    // The smallest number of keys, 2 ... 64, that keeps residual_error() within the tolerance with the
+    // margin; else 64.
     uint32_t keys_for(double tolerance) const;
 
   private:

@@ -20,4 +20,16 @@ inline Step step_of(size_t keys, float time) {
     return {first, at - static_cast<double>(first)};
 }
 
+// The two keys around a time. Without keys in between (`two_keys`) these are the first and the last.
+struct KeyPair {
+    size_t before, after;
+    double within;
+};
+
+inline KeyPair keys_around(size_t keys, float time, bool two_keys) {
+    if (two_keys && keys > 1) return {0, keys - 1, static_cast<double>(time)};
+    const Step step = step_of(keys, time);
+    return {step.first, std::min(step.first + 1, keys - 1), step.within};
+}
+
 } // namespace marram

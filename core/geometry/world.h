@@ -39,7 +39,8 @@ struct MeshGeometry {
     uint64_t digest = 0;         // same geometry ID and digest in two frames: the same mesh; 0: unknown
 };
 
-// The curves of one procedural. Their geometry ID is World::meshes.size() + their index in World::curves.
+// The curves of one procedural. Their geometry ID is World::meshes.size() + their index in World::curves;
+// Embree knows them by that ID, or by those of their parts.
 // CurveLayout gives the indices of each curve's vertices and segments. Embree's primitive p is segment p of
 // all curves; with n pieces per segment it is piece p % n of segment p / n.
 struct CurveGeometry {
@@ -64,6 +65,14 @@ struct CurveGeometry {
     }
 };
 
+// Some primitives of a CurveGeometry as an Embree geometry of their own (core/world/curve_parts.h). Its ID is
+// World::meshes.size() + World::curves.size() + its index in World::curve_parts.
+struct CurvePart {
+    uint32_t curves = 0;              // index in World::curves
+    std::vector<uint32_t> primitives; // [primitive of the part]: primitive of the CurveGeometry
+    bool two_keys = false;            // moves linearly from the first key to the last
+};
+
 struct DeviceErrors;
 
 // Key: the geometry IDs of the meshes in the scene, ascending.
@@ -83,6 +92,7 @@ struct World {
     std::vector<MeshGeometry> meshes; // as the camera sees them: render meshes if there are any
     std::map<uint32_t, MeshGeometry> growth_surfaces; // by geometry ID, of meshes with a render mesh
     std::vector<CurveGeometry> curves;
+    std::vector<CurvePart> curve_parts;
     double reach = 0.0; // largest length + radius of a round piece, m (round_pieces.h); 0: there are none
     Box3f bounds;       // of everything at every motion sample
     std::vector<std::shared_ptr<RTCGeometryTy>> curve_buffers; // keeps what `curves` points into alive
@@ -93,5 +103,19 @@ struct World {
         return found != growth_surfaces.end() ? found->second : meshes[mesh];
     }
 };
+
+// What Embree's IDs of a hit on a curve stand for.
+struct TracedCurve {
+    uint32_t curves;    // index in World::curves
+    uint32_t primitive; // of that CurveGeometry
+    bool two_keys;      // see CurvePart
+};
+
+inline TracedCurve traced_curve(const World& world, uint32_t geometry, uint32_t primitive) {
+    const size_t index = geometry - world.meshes.size();
+    if (index < world.curves.size()) return {uint32_t(index), primitive, false};
+    const CurvePart& part = world.curve_parts[index - world.curves.size()];
+    return {part.curves, part.primitives[primitive], part.two_keys};
+}
 
 } // namespace marram

@@ -44,18 +44,18 @@ constexpr uint32_t ribbon_pieces = 4;  // Embree's default tessellation rate
 
 double greatest(const Vec3d& v) { return v.cwiseAbs().maxCoeff(); }
 
-// The vertices of a segment at a time: `Size` floats each.
+// The vertices of a segment, `Size` floats each, between two motion keys.
 template <int Size>
 using Control = Eigen::Matrix<double, Size, 4>;
 
 template <int Size>
-Control<Size> control_of(const std::vector<const float*>& vertices, size_t first_vertex, float time) {
+Control<Size> control_of(const std::vector<const float*>& vertices, size_t first_vertex,
+                         const KeyPair& keys) {
     using Points = Eigen::Map<const Eigen::Matrix<float, Size, 4>>;
-    const Step step = step_of(vertices.size(), time);
-    Control<Size> control = Points(vertices[step.first] + Size * first_vertex).template cast<double>();
-    if (step.within > 0.0)
-        control += step.within *
-                   (Points(vertices[step.first + 1] + Size * first_vertex).template cast<double>() - control);
+    Control<Size> control = Points(vertices[keys.before] + Size * first_vertex).template cast<double>();
+    if (keys.within > 0.0)
+        control += keys.within *
+                   (Points(vertices[keys.after] + Size * first_vertex).template cast<double>() - control);
     return control;
 }
 
@@ -260,7 +260,7 @@ PiecePoint piece_at(const CurveGeometry& curves, const Control<4>& control, size
     const Vec4d way = whole.end - whole.begin;
     double begin = 0.0, end = 1.0;
     if (root || tip) {
-        const Chord first = chord(control_of<4>(curves.vertices, first_vertex, 0.0F));
+        const Chord first = chord(control_of<4>(curves.vertices, first_vertex, KeyPair{0, 0, 0.0}));
         if (root) begin = end_share(first, false);
         if (tip) end = 1.0 - end_share(first, true);
     }
@@ -302,22 +302,24 @@ void set_round_piece(const Vec3d& seen, const PiecePoint& piece, const Vec3d& ta
     point.normal = point.geometric_normal;
 }
 
-void set_curve(const CurveGeometry& curves, const RTCRay& ray, const RTCHit& hit, double t,
-               SurfacePoint& point) {
-    const uint32_t pieces = std::max(curves.pieces, 1U), piece = hit.primID % pieces;
+void set_curve(const CurveGeometry& curves, const TracedCurve& traced, const RTCRay& ray, float u_of_hit,
+               double t, SurfacePoint& point) {
+    const uint32_t primitive = traced.primitive;
+    const uint32_t pieces = std::max(curves.pieces, 1U), piece = primitive % pieces;
     const CurveLayout layout = curves.layout();
     uint32_t segments = curves.cvs_per_curve - 1, segment = 0;
     if (layout.offsets) {
-        point.strand = curves.curve_of_segment[hit.primID];
+        point.strand = curves.curve_of_segment[primitive];
         segments = layout.cvs(point.strand) - 1;
-        segment = hit.primID - uint32_t(layout.first_segment(point.strand));
+        segment = primitive - uint32_t(layout.first_segment(point.strand));
     } else {
-        segment = hit.primID / pieces % segments;
-        point.strand = hit.primID / pieces / segments;
+        segment = primitive / pieces % segments;
+        point.strand = primitive / pieces / segments;
     }
     const size_t first = layout.first_vertex(point.strand) + segment;
-    const Control<4> control = control_of<4>(curves.vertices, first, ray.time);
-    const float hit_u = std::clamp(hit.u, 0.0F, 1.0F); // seen end-on, Embree's may be outside
+    const KeyPair keys = keys_around(curves.vertices.size(), ray.time, traced.two_keys);
+    const Control<4> control = control_of<4>(curves.vertices, first, keys);
+    const float hit_u = std::clamp(u_of_hit, 0.0F, 1.0F); // seen end-on, Embree's may be outside
     PiecePoint straight;
     if (curves.pieces > 0)
         straight = piece_at(curves, control, first, segment, piece, hit_u);
@@ -363,8 +365,8 @@ void set_curve(const CurveGeometry& curves, const RTCRay& ray, const RTCHit& hit
     else if (curves.shape == MARRAM_RIBBON)
         set_ribbon(seen, side, c, tangent, point);
     else
-        set_oriented(seen, side.cross(tangent), control, control_of<3>(curves.normals, first, ray.time),
-                     curves, u, c, point);
+        set_oriented(seen, side.cross(tangent), control, control_of<3>(curves.normals, first, keys), curves,
+                     u, c, point);
     const double h = c.value[3] > 0.0 ? point.from_axis.cast<double>().dot(side) / c.value[3] : 0.0;
     point.h = static_cast<float>(std::clamp(h, -1.0, 1.0));
     point.segment_position = static_cast<float>(segment + u);
@@ -448,7 +450,10 @@ bool intersect(const World& world, const Ray& ray, SurfacePoint& point, bool coh
         choose_sidedness_normal(ray.direction, point);
     } else {
         point.normal = Vec3f(query.hit.Ng_x, query.hit.Ng_y, query.hit.Ng_z).normalized();
-        set_curve(world.curves[query.hit.geomID - world.meshes.size()], query.ray, query.hit, t, point);
+        const TracedCurve traced = traced_curve(world, query.hit.geomID, query.hit.primID);
+        point.geometry = uint32_t(world.meshes.size()) + traced.curves;
+        point.primitive = traced.primitive;
+        set_curve(world.curves[traced.curves], traced, query.ray, query.hit.u, t, point);
     }
     return true;
 }

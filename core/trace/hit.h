@@ -60,7 +60,7 @@ struct SurfacePoint {
     PointShape shape = PointShape::triangle;
     int material = -1; // as in MeshGeometry and CurveGeometry
     int light = -1;
-    uint32_t geometry = 0; // Embree's geometry ID
+    uint32_t geometry = 0; // index in World::meshes, or World::meshes.size() + index in World::curves
     uint32_t primitive = 0;
     Vec2f barycentrics = Vec2f::Zero(); // triangles: of the second and third corner
     uint32_t strand = 0;                // curve of its procedural

@@ -65,15 +65,15 @@ struct Query {
 };
 
 // A piece at a time, interpolated as in Embree, but in double.
-RoundPiece piece_of(const CurveGeometry& curves, uint32_t primitive, float time) {
+RoundPiece piece_of(const CurveGeometry& curves, const TracedCurve& traced, float time) {
     const uint32_t per_curve = (curves.cvs_per_curve - 1) * curves.pieces;
-    const size_t first = 4 * (primitive + static_cast<size_t>(primitive / per_curve));
+    const size_t first = 4 * (traced.primitive + static_cast<size_t>(traced.primitive / per_curve));
+    const KeyPair keys = keys_around(curves.round_pieces.size(), time, traced.two_keys);
     const auto corner = [&](size_t at) -> Vec4d {
         const auto key = [&](size_t step) { return Eigen::Map<const Vec4f>(curves.round_pieces[step] + at); };
-        if (curves.round_pieces.size() < 2) return key(0).cast<double>();
-        const Step step = step_of(curves.round_pieces.size(), time);
-        const Vec4d before = key(step.first).cast<double>();
-        return before + step.within * (key(step.first + 1).cast<double>() - before);
+        const Vec4d before = key(keys.before).cast<double>();
+        if (keys.within == 0.0) return before;
+        return before + keys.within * (key(keys.after).cast<double>() - before);
     };
     RoundPiece piece{corner(first), corner(first + 4)};
     piece.begin[3] = std::abs(piece.begin[3]); // see mark_round_pieces
@@ -83,15 +83,15 @@ RoundPiece piece_of(const CurveGeometry& curves, uint32_t primitive, float time)
 
 // True if the ray enters the piece that Embree has hit, at t < before.
 bool entered(const Query& query, const RTCHit& hit, double before, Entry& entry) {
-    const CurveGeometry& curves = query.world->curves[hit.geomID - query.world->meshes.size()];
-    return enter(piece_of(curves, hit.primID, query.time), query.origin, query.direction, query.tnear,
-                 entry) &&
-           entry.t < before;
+    const TracedCurve traced = traced_curve(*query.world, hit.geomID, hit.primID);
+    const RoundPiece piece = piece_of(query.world->curves[traced.curves], traced, query.time);
+    return enter(piece, query.origin, query.direction, query.tnear, entry) && entry.t < before;
 }
 
 bool is_piece(const Query& query, uint32_t geometry) {
-    const size_t meshes = query.world->meshes.size();
-    return geometry >= meshes && !query.world->curves[geometry - meshes].round_pieces.empty();
+    const World& world = *query.world;
+    return geometry >= world.meshes.size() &&
+           !world.curves[traced_curve(world, geometry, 0).curves].round_pieces.empty();
 }
 
 // An upper bound of t that includes the error of Embree's own t.

@@ -4,6 +4,7 @@
 #include "core/trace/curve_pieces.h"
 #include "core/trace/round_pieces.h"
 #include "core/world/build_state.h"
+#include "core/world/curve_parts.h"
 #include "core/world/lent_geometry.h"
 
 #include <fmt/format.h>
@@ -203,8 +204,21 @@ void put_indices(Build& build, RTCGeometry geometry, const CurveLayout& layout) 
     build.stats.curve_bytes += segments * 4;
 }
 
+// The cubics themselves.
+TracedVertices traced_cubics(const CurveBuild& item) {
+    const MarramOutput& output = item.output;
+    const bool alike = !output.offsets;
+    return {item.geometry,
+            curve_type(output),
+            item.vertices,
+            item.normals,
+            layout_of(output).vertex_count(),
+            alike ? output.cvs_per_curve - 1 : 0,
+            alike ? output.cvs_per_curve + 2 : 0};
+}
+
 // Makes the straight pieces that Embree traces in place of the cubics. Their vertices lie on the cubics.
-std::shared_ptr<RTCGeometryTy> make_pieces(Build& build, CurveBuild& item) {
+TracedVertices traced_pieces(Build& build, CurveBuild& item) {
     const MarramOutput& output = item.output;
     const uint32_t pieces = item.curves.pieces;
     const size_t cvs = output.cvs_per_curve;
@@ -213,12 +227,17 @@ std::shared_ptr<RTCGeometryTy> make_pieces(Build& build, CurveBuild& item) {
         item.procedural->refuse("its curves need more than 2^32 vertices when they are cut into pieces",
                                 "set film.curve_pieces = 0, or use fewer strands");
     RTCGeometry geometry = rtcNewGeometry(build.world.device.get(), RTC_GEOMETRY_TYPE_FLAT_LINEAR_CURVE);
-    std::shared_ptr<RTCGeometryTy> owner(geometry, [](RTCGeometry g) { rtcReleaseGeometry(g); });
+    TracedVertices traced{{geometry, [](RTCGeometry g) { rtcReleaseGeometry(g); }},
+                          RTC_GEOMETRY_TYPE_FLAT_LINEAR_CURVE,
+                          {},
+                          {},
+                          output.curve_count * (per_curve + 1),
+                          per_curve,
+                          per_curve + 1};
     rtcSetGeometryTimeStepCount(geometry, output.time_count);
     for (uint32_t t = 0; t < output.time_count; ++t) {
-        auto* vertices = static_cast<float*>(rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, t,
-                                                                     RTC_FORMAT_FLOAT4, 16,
-                                                                     output.curve_count * (per_curve + 1)));
+        auto* vertices = static_cast<float*>(rtcSetNewGeometryBuffer(
+            geometry, RTC_BUFFER_TYPE_VERTEX, t, RTC_FORMAT_FLOAT4, 16, traced.vertex_count));
         build.check_device();
         tbb::parallel_for(size_t{0}, item.patches.size(), [&](size_t i) {
             const MarramPatch& patch = item.patches[i];
@@ -227,11 +246,11 @@ std::shared_ptr<RTCGeometryTy> make_pieces(Build& build, CurveBuild& item) {
                          item.vertices[0] + first, pieces,
                          vertices + 4 * patch.first_curve * (per_curve + 1));
         });
-        build.stats.curve_bytes += output.curve_count * (per_curve + 1) * 16;
+        traced.vertices.push_back(vertices);
+        build.stats.curve_bytes += traced.vertex_count * 16;
         if (output.shape == MARRAM_ROUND) add_round_pieces(build.world, item.curves, vertices);
     }
-    put_indices(build, geometry, output.curve_count, per_curve, per_curve + 1);
-    return owner;
+    return traced;
 }
 
 uint64_t segments_of(const CurveBuild& item) { return layout_of(item.output).segment_count(); }
@@ -279,21 +298,17 @@ uint32_t choose_pieces(Build& build, const CurveBuild& item, bool allow_round_pi
     return pieces;
 }
 
-// Attaches the curves to the world scene, as cubics or as straight pieces.
-void attach(Build& build, CurveBuild& item, unsigned id, bool allow_round_pieces) {
-    const MarramOutput& output = item.output;
+// Attaches the curves to the world scene, as cubics or as straight pieces. set: their index in World::curves.
+void attach(Build& build, CurveBuild& item, uint32_t set, bool allow_round_pieces) {
     item.curves.pieces = choose_pieces(build, item, allow_round_pieces);
-    std::shared_ptr<RTCGeometryTy> traced = item.geometry;
-    if (item.curves.pieces > 0)
-        traced = make_pieces(build, item);
-    else if (output.offsets)
-        put_indices(build, traced.get(), item.curves.layout());
+    const TracedVertices traced = item.curves.pieces > 0 ? traced_pieces(build, item) : traced_cubics(item);
+    build.curves.push_back(traced.geometry);
+    if (attach_parts(build, item, traced, set)) return;
+    if (traced.segments > 0)
+        put_indices(build, traced.geometry.get(), item.output.curve_count, traced.segments, traced.stride);
     else
-        put_indices(build, traced.get(), output.curve_count, output.cvs_per_curve - 1,
-                    output.cvs_per_curve + 2);
-    rtcSetGeometryMask(traced.get(), MARRAM_CASTS_SHADOWS | MARRAM_SEEN_BY_CAMERA | darkens_catchers);
-    rtcCommitGeometry(traced.get());
-    rtcAttachGeometryByID(build.world.scene.get(), traced.get(), id);
+        put_indices(build, traced.geometry.get(), item.curves.layout());
+    attach_geometry(build, traced.geometry.get(), unsigned(build.world.meshes.size() + set));
 }
 
 // Adds a procedural's report and warnings to the statistics. wall: seconds that its curves took.
@@ -440,9 +455,8 @@ void attach_curves(Build& build) {
     for (CurveBuild& item : build.items) {
         for (const MarramPatch& p : item.patches)
             build.stats.patch_bounds.emplace_back(Vec3f(p.lower), Vec3f(p.upper));
-        const auto id = unsigned(build.world.meshes.size() + build.world.curves.size());
         if (build.settings.trace_curves && item.output.curve_count > 0)
-            attach(build, item, id, allow_round_pieces);
+            attach(build, item, uint32_t(build.world.curves.size()), allow_round_pieces);
         build.curves.push_back(item.geometry);
         build.world.curves.push_back(std::move(item.curves));
     }

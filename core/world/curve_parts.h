@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: Apache-2.0
+// Gives each curve the motion keys that it needs. The number of keys of a procedural suits 99 of 100 of its
+// curves (motion_keys.h), and most of these would do with two: in the grass of scenes/default.toml 96 %, of
+// three. Embree's BVH of three keys takes 3.4 times as long to build as that of two, since it tries to divide
+// nodes in time, and 1.1 to 1.2 times as long to trace.
+//
+// So curves whose motion two keys follow are attached with their first and last key, the others once for each
+// span between keys, as geometry of two keys that is visible in that span (rtcSetGeometryTimeRange): no
+// geometry has more than two keys. Measured (default scene; relative to three keys for all curves):
+//
+//   curves that need three    building    tracing    BVH's memory
+//             4 %               0.30        0.95         0.60
+//             7                 0.30        0.97         0.65
+//            13                 0.41        0.98         0.74
+//            20                 0.36        1.15         0.85
+//            34                 0.52        1.21         1.03
+//
+// Beyond 1/8 all curves keep their keys. Vertices are shared: parts differ in their index buffers.
+#pragma once
+
+#include "core/world/build_state.h"
+
+namespace marram {
+
+// The vertices of a procedural's curves that Embree traces: of its cubics, or of their straight pieces.
+struct TracedVertices {
+    std::shared_ptr<RTCGeometryTy> geometry; // owns them; not attached yet
+    RTCGeometryType type{};
+    std::vector<float*> vertices, normals; // [time]; normals: of oriented ribbons
+    size_t vertex_count = 0;
+    uint32_t segments = 0, stride = 0; // of each curve, in segments and vertices; 0: as the layout says
+};
+
+// Attaches the curves as parts, and says so in `chosen`. False, and nothing is done, if all curves are to be
+// traced with all keys: they have at most two, too many curves need more, or the scene sets the number.
+// set: index that the curves will have in World::curves.
+bool attach_parts(Build& build, const CurveBuild& item, const TracedVertices& traced, uint32_t set);
+
+// Commits a geometry and attaches it to the world scene.
+void attach_geometry(Build& build, RTCGeometry geometry, unsigned id);
+
+} // namespace marram

@@ -105,7 +105,7 @@ bool attach_parts(Build& build, const CurveBuild& item, const TracedVertices& tr
     const auto needed = uint64_t(std::ranges::count(more, 1));
     const uint64_t curves = more.size();
     build.stats.chosen[item.procedural->name() + ".more_than_two_keys"] = double(needed) / double(curves);
-    if (4 * needed * (keys - 1) > curves) return false; // of three keys: beyond 1/8
+    if (8 * needed > curves || 2 * needed * (keys - 1) > curves) return false;
     attach_part(build, traced, indices_of(item, traced, more, 0), 0, keys - 1, {set, {}, true});
     if (needed == 0) return true;
     const PartIndices indices = indices_of(item, traced, more, 1);

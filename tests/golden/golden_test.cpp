@@ -249,7 +249,7 @@ TEST(GoldenFault, WhatAFrameShowsIsMissed) {
         {"id", "a tint of half as much blue", {"material.fur.tint_color=[0.1, 0.3, 0.45]"}},
         {"steps", "no collision", {"wind.collision={solver=\"none\"}"}},
         {"blur", "no blur", {"camera.shutter=[0, 0]"}},
-        {"default", "wind weaker by a tenth", {"wind.speed=6.3"}},
+        {"default", "wind weaker by a tenth", {"wind.speed=7.2"}},
         {"strand", "wind weaker by a tenth", {"wind.speed=5.4"}},
         {"talk", "no gusts", {"wind.gusts.num_gusts=0"}},
         {"talk", "no shelter", {"wind.shielding.shield=0"}},

@@ -23,6 +23,7 @@ struct Case {
     const char* name;
     const char* groom; // nullptr: imported curves that differ in their number of CVs
     int pieces;
+    friend std::ostream& operator<<(std::ostream& out, const Case& of) { return out << of.name; }
 };
 
 std::string text_of(const Case& of) {

@@ -138,6 +138,7 @@ constexpr const char* frames_help =
 
 void add_render(CLI::App& app, Commands& c) {
     CLI::App* command = app.add_subcommand("render", "render a scene to pictures");
+    c.render.overrides.makes_pictures = true;
     add_scene(*command, c.render);
     add_stats(*command, c.render);
     command->add_option("-o,--output", c.render.output, "picture, .exr or .png; #### stands for the frame")

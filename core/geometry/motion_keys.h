@@ -18,7 +18,7 @@ namespace marram {
 constexpr uint32_t max_motion_keys = 64;
 
 // Strands are measured at few instants, and only some of them: the tolerance is divided by this.
-constexpr double strand_motion_margin = 1.25; // fitted to the scenes: see the README
+constexpr double strand_motion_margin = 1.25; // fitted to the scenes
 
 // Motion sample times in frames: `keys` equally spaced from `open` to `close`, both ends exact; one if open =
 // close.

@@ -51,6 +51,8 @@ struct Overrides {
     std::optional<std::pair<uint32_t, uint32_t>> size;
     std::string state_folder;                   // "": beside the scene, SCENE.states
     std::vector<std::string> allowed_libraries; // PluginSet::allowed
+    // Pictures will be made: skies are computed, and the library for images is loaded, while files are read.
+    bool makes_pictures = false;
 };
 
 // Reads the scene and all files that it names: meshes, images, procedural libraries. Throws InputError with

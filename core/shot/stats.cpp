@@ -55,9 +55,13 @@ nlohmann::ordered_json to_json(const FrameStats& stats) {
     json["cvs"] = build.cvs;
     json["segments"] = build.segments;
     json["triangles"] = build.triangles;
-    json["seconds"] = {{"load", stats.load},           {"procedural_meshes", build.procedural_meshes},
-                       {"colliders", build.colliders}, {"bvh", build.bvh},
-                       {"trace", stats.trace},         {"total", stats.total}};
+    json["seconds"] = {{"load", stats.load},
+                       {"procedural_meshes", build.procedural_meshes},
+                       {"colliders", build.colliders},
+                       {"choose_keys", build.choose_keys},
+                       {"bvh", build.bvh},
+                       {"trace", stats.trace},
+                       {"total", stats.total}};
     json["motion"] = {{"keys", build.motion_keys}, // error: metres, predicted when the keys were chosen
                       {"error", build.motion_error},
                       {"mesh_error", build.mesh_motion_error},

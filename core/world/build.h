@@ -72,6 +72,7 @@ struct BuildStats {
     // Wall seconds.
     double procedural_meshes = 0.0; // made by procedurals of any type, and their render meshes
     double colliders = 0.0;         // the scene's meshes and collider scenes
+    double choose_keys = 0.0;       // looking at the motion of some strands, to choose the motion keys
     double bvh = 0.0;               // attaching curves, their straight pieces, and the BVH of the world
     // What procedurals reported. The wall time of making curves is split over "seconds.<stage>" in proportion
     // to their thread seconds.

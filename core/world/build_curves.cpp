@@ -334,7 +334,9 @@ StrandMotion measure_motion(Build& build, Procedural& procedural, uint32_t insta
     if (procedural.prepares()) prepare(build, procedural, lent.frame());
     take_warnings(build, procedural); // of the preparation, which is not repeated
     build.progress.phase = "looking at motion";
-    const MarramOutput output = procedural.begin(lent.frame());
+    const double before = wall_seconds();
+    const MarramOutput output = procedural.begin(lent.frame()); // reports its own seconds
+    build.stats.choose_keys -= wall_seconds() - before;
     check_output(procedural, output);
     if (output.time_count != instants || output.patch_count == 0) return motion;
     // A 16th of the patches, but 16 to 64 of them, evenly spaced: any patch may move most.
@@ -410,7 +412,7 @@ uint32_t motion_keys_of_curves(Build& build, Procedural& procedural) {
     if (!build.chooses_keys()) return std::max(build.settings.motion_keys, 2U);
     const double begin = wall_seconds();
     const uint32_t keys = choose_keys(build, procedural);
-    build.stats.report.add("seconds.expand", wall_seconds() - begin);
+    build.stats.choose_keys += wall_seconds() - begin;
     return keys;
 }
 

@@ -177,7 +177,7 @@ MarramOutput StrandInstance::begin(LentFrame lent) {
     set_gust_plane_once(host, frame, bounds_without_meshes(), wind, gust_start);
     const double choosing = wall_seconds();
     choose_settings();
-    choosing_seconds = wall_seconds() - choosing;
+    begin_seconds.choose += wall_seconds() - choosing;
     const bool blown = frame.stage != MARRAM_REST;
     bool moving = moves() || (blown && (wind_moves(wind) || moving_meshes_matter(wind, frame)));
     if (!wind.jiggle || frame.stage != MARRAM_FINAL) {
@@ -216,7 +216,7 @@ MarramOutput StrandInstance::begin(LentFrame lent) {
     gusts_checked = true;
     announce_long_work(past.window.empty() ? 0 : past.window.most_samples());
     finish_frame();
-    prepare_seconds = wall_seconds() - before;
+    begin_seconds.prepare += wall_seconds() - before;
     return output();
 }
 
@@ -229,8 +229,10 @@ void StrandInstance::report(const ReportSink& sink) {
     if (automatic.rays) sink("chosen.shield_rays", wind.shielding->rays);
     if (automatic.step && !past.window.empty()) sink("chosen.jiggle_step", wind.jiggle->step);
     if (wind.noise.left_out > 0) sink("chosen.octaves", wind.noise.octaves - wind.noise.left_out);
-    sink("seconds.prepare_wind", prepare_seconds);
+    sink("seconds.choose_settings", begin_seconds.choose);
+    sink("seconds.prepare_wind", begin_seconds.prepare);
     report_own(sink);
+    begin_seconds = {};
     const Bytes held = bytes();
     const size_t shared = held.shared + past.bytes();
     size_t states = 0;

@@ -68,8 +68,12 @@ struct StrandInstance : Instance {
     GustStart gust_start;
     bool gusts_checked = false;      // for gusts that touch nothing
     Eigen::AlignedBox3d gust_bounds; // of the strands in the last frame begun, if there are gusts
-    double choosing_seconds = 0.0, prepare_seconds = 0.0; // wall time within begin
-    std::optional<double> announced;                      // the frame for which long work was announced
+    // Wall seconds within begin() since the last report(): a renderer may begin a frame more than once.
+    struct {
+        double place = 0.0; // placing or binding strands
+        double choose = 0.0, prepare = 0.0;
+    } begin_seconds;
+    std::optional<double> announced; // the frame for which long work was announced
     Workers workers;
 
     virtual ~StrandInstance() = default;

@@ -335,7 +335,7 @@ void place_strands(GroomInstance& instance) {
     instance.placed_topology_digest = topology_digest(*instance.mesh);
     instance.placed_mesh_digest = mesh_digest(instance);
     instance.placed_guides_digest = guides_digest(instance);
-    instance.placing_seconds = wall_seconds() - begin;
+    instance.begin_seconds.place += wall_seconds() - begin;
 }
 
 } // namespace
@@ -343,7 +343,6 @@ void place_strands(GroomInstance& instance) {
 // ---- A frame
 
 void GroomInstance::lay_out() {
-    placing_seconds = 0.0;
     find_mesh(*this);
     prepare_images(*this);
     resolve_attributes(groom, attributes);
@@ -489,7 +488,7 @@ void GroomInstance::tessellate(uint32_t index, const MarramPatchBuffers& buffers
 void GroomInstance::report_own(const ReportSink& sink) const {
     if (automatic.cvs) sink("chosen.cvs", groom.cvs);
     sink("roots.covered", double(covered_roots));
-    sink("seconds.place_roots", placing_seconds + choosing_seconds);
+    sink("seconds.place_roots", begin_seconds.place);
 }
 
 // The candidates of placing are freed before the rest is allocated.
@@ -507,7 +506,8 @@ std::span<const MarramReportEntry> GroomInstance::report_entries() {
         return MarramReportEntry{path, unit, MARRAM_EACH, nullptr, nullptr, help};
     };
     static constexpr std::array others = {
-        sum("seconds.place_roots", "s", "placing roots, choosing settings"),
+        sum("seconds.place_roots", "s", "placing roots"),
+        sum("seconds.choose_settings", "s", "choosing CVs, rays and the step of jiggle by the tolerance"),
         sum("seconds.prepare_wind", "s", "collider trees, gusts, and the wind on guides"),
         sum("collision.contacts", "count", "segments that touch a mesh"),
         sum("collision.pushed_out", "count", "segments that started inside a mesh and were turned out of it"),

@@ -53,7 +53,6 @@ struct GroomInstance : StrandInstance {
     std::vector<float> bind_normals;        // if there are guides and the mesh has normals
     GuideMotion guide_motion;
     bool placed = false;
-    double placing_seconds = 0.0; // wall time within begin
     size_t placing_peak_bytes = 0;
 
     std::vector<MarramAttribute> attributes; // of the mesh

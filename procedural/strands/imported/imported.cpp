@@ -207,7 +207,7 @@ void bind(ImportInstance& instance) {
     instance.is_bound = true;
     instance.bind_layout_digest = layout_digest(instance.curves);
     instance.bind_topology_digest = instance.mesh ? instance.mesh->topology : 0;
-    instance.binding_seconds = wall_seconds() - begin;
+    instance.begin_seconds.place += wall_seconds() - begin;
     warn_of_binding(instance);
 }
 
@@ -248,7 +248,6 @@ void check_still_bound(const ImportInstance& instance) {
 // ---- A frame
 
 void ImportInstance::lay_out() {
-    binding_seconds = 0.0;
     find_skin(*this);
     find_strands(*this);
     if (!is_bound) {
@@ -426,7 +425,7 @@ void ImportInstance::tessellate(uint32_t index, const MarramPatchBuffers& buffer
 // ---- Statistics
 
 void ImportInstance::report_own(const ReportSink& sink) const {
-    sink("seconds.bind", binding_seconds);
+    sink("seconds.bind", begin_seconds.place);
     sink("binding.strands", double(binding.root_bindings.size()));
     sink("binding.greatest_distance", binding.greatest_distance);
     sink("binding.mean_distance", binding.mean_distance);

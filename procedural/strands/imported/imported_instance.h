@@ -48,8 +48,7 @@ struct ImportInstance : StrandInstance {
     uint64_t bind_layout_digest = 0, bind_topology_digest = 0;
     uint32_t least_cvs = 2; // of a strand
     double longest_at_bind = 0.0,
-           longest_now = 0.0;     // longest strand, m: in the bind pose; also over the frame
-    double binding_seconds = 0.0; // wall time within begin
+           longest_now = 0.0; // longest strand, m: in the bind pose; also over the frame
 
     std::vector<uint64_t> offsets; // of the output, if there are instances and CV counts differ
     LentCurves curves;

@@ -143,8 +143,9 @@ TEST(Render, SaysWhatAFrameCosts) {
     const auto stats = nlohmann::json::parse(read_file(folder / "a.json"));
     for (const char* key : {"curves", "cvs", "segments", "triangles", "frame", "threads", "rays"})
         EXPECT_TRUE(stats[key].is_number()) << key;
-    for (const char* key : {"load", "procedural_meshes", "colliders", "place_roots", "prepare_wind", "expand",
-                            "gusts", "shield", "bend", "jiggle", "collide", "bvh", "trace", "total"})
+    for (const char* key :
+         {"load", "procedural_meshes", "colliders", "place_roots", "choose_settings", "choose_keys",
+          "prepare_wind", "expand", "gusts", "shield", "bend", "jiggle", "collide", "bvh", "trace", "total"})
         EXPECT_TRUE(stats["seconds"][key].is_number() && stats["seconds"][key] >= 0.0) << key;
     for (const char* key : {"contacts", "pushed_out", "unresolved", "targets_not_raised", "dips", "reached"})
         EXPECT_TRUE(stats["collision"][key].is_number()) << key;

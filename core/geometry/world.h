@@ -59,6 +59,7 @@ struct CurveGeometry {
     std::vector<float*>
         round_pieces; // [time] traced pieces: (segments * pieces + 1) vertices per curve; else empty
     std::vector<AttributeValues> attributes;
+    std::vector<char> two_keys; // [curve]: 1 if it is traced with its first and last key; empty: none is
 
     CurveLayout layout() const {
         return {curve_count, cvs_per_curve, offsets.empty() ? nullptr : offsets.data()};
@@ -68,9 +69,10 @@ struct CurveGeometry {
 // Some primitives of a CurveGeometry as an Embree geometry of their own (core/world/curve_parts.h). Its ID is
 // World::meshes.size() + World::curves.size() + its index in World::curve_parts.
 struct CurvePart {
-    uint32_t curves = 0;              // index in World::curves
-    std::vector<uint32_t> primitives; // [primitive of the part]: primitive of the CurveGeometry
-    bool two_keys = false;            // moves linearly from the first key to the last
+    uint32_t curves = 0;                                     // index in World::curves
+    std::shared_ptr<const std::vector<uint32_t>> primitives; // [of the part]: primitive of the CurveGeometry
+    bool two_keys = false;                                   // moves linearly from the first key to the last
+    std::shared_ptr<RTCGeometryTy> owner{};                  // of the vertices
 };
 
 struct DeviceErrors;
@@ -95,7 +97,7 @@ struct World {
     std::vector<CurvePart> curve_parts;
     double reach = 0.0; // largest length + radius of a round piece, m (round_pieces.h); 0: there are none
     Box3f bounds;       // of everything at every motion sample
-    std::vector<std::shared_ptr<RTCGeometryTy>> curve_buffers; // keeps what `curves` points into alive
+    std::vector<std::shared_ptr<RTCGeometryTy>> curve_buffers; // [curves] own what it points into
 
     // The mesh that strands grow on and collide with.
     const MeshGeometry& growth_surface(uint32_t mesh) const {
@@ -115,7 +117,7 @@ inline TracedCurve traced_curve(const World& world, uint32_t geometry, uint32_t 
     const size_t index = geometry - world.meshes.size();
     if (index < world.curves.size()) return {uint32_t(index), primitive, false};
     const CurvePart& part = world.curve_parts[index - world.curves.size()];
-    return {part.curves, part.primitives[primitive], part.two_keys};
+    return {part.curves, (*part.primitives)[primitive], part.two_keys};
 }
 
 } // namespace marram

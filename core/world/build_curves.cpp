@@ -299,11 +299,13 @@ uint32_t choose_pieces(Build& build, const CurveBuild& item, bool allow_round_pi
 }
 
 // Attaches the curves to the world scene, as cubics or as straight pieces. set: their index in World::curves.
-void attach(Build& build, CurveBuild& item, uint32_t set, bool allow_round_pieces) {
-    item.curves.pieces = choose_pieces(build, item, allow_round_pieces);
+// spans: see attach_parts().
+void attach(Build& build, CurveBuild& item, uint32_t set, bool spans) {
     const TracedVertices traced = item.curves.pieces > 0 ? traced_pieces(build, item) : traced_cubics(item);
-    build.curves.push_back(traced.geometry);
-    if (attach_parts(build, item, traced, set)) return;
+    if (!item.curves.two_keys.empty()) {
+        attach_parts(build, item, traced, set, spans);
+        return;
+    }
     if (traced.segments > 0)
         put_indices(build, traced.geometry.get(), item.output.curve_count, traced.segments, traced.stride);
     else
@@ -454,11 +456,21 @@ void attach_curves(Build& build) {
                                     [&](const auto& p) { return p.get() == item.procedural; });
     });
     const bool allow_round_pieces = mostly_round(build.items);
+    const auto is_traced = [&](const CurveBuild& item) {
+        return build.settings.trace_curves && item.output.curve_count > 0;
+    };
+    for (CurveBuild& item : build.items) {
+        if (!is_traced(item)) continue;
+        item.curves.pieces = choose_pieces(build, item, allow_round_pieces);
+        choose_two_keys(build, item);
+    }
+    const bool spans = std::ranges::none_of(build.items, [&](const CurveBuild& item) {
+        return is_traced(item) && item.vertices.size() > 2 && item.curves.two_keys.empty();
+    });
     for (CurveBuild& item : build.items) {
         for (const MarramPatch& p : item.patches)
             build.stats.patch_bounds.emplace_back(Vec3f(p.lower), Vec3f(p.upper));
-        if (build.settings.trace_curves && item.output.curve_count > 0)
-            attach(build, item, uint32_t(build.world.curves.size()), allow_round_pieces);
+        if (is_traced(item)) attach(build, item, uint32_t(build.world.curves.size()), spans);
         build.curves.push_back(item.geometry);
         build.world.curves.push_back(std::move(item.curves));
     }

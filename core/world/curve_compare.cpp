@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/world/curve_compare.h"
 
+#include "core/geometry/time_step.h"
 #include "core/plugin/embree.h"
 
 #include <tbb/blocked_range.h>
@@ -37,14 +38,12 @@ Vec3d on_polygon(const CurveGeometry& curves, uint64_t curve, double u) {
     return (1.0 - t) * cv(curves, 0, curve, k) + t * cv(curves, 0, curve, k + 1);
 }
 
-// CV k at fraction s of the shutter, linear between motion samples.
-Vec3d in_motion(const CurveGeometry& curves, double s, uint64_t curve, uint32_t k) {
-    const size_t samples = curves.vertices.size();
-    if (samples == 1) return cv(curves, 0, curve, k);
-    const double at = s * double(samples - 1);
-    const size_t i = std::min(size_t(at), samples - 2);
-    const double t = at - double(i);
-    return (1.0 - t) * cv(curves, i, curve, k) + t * cv(curves, i + 1, curve, k);
+// CV k at fraction s of the shutter, linear between the motion samples that it is traced with.
+Vec3d in_motion(const CurveGeometry& curves, float s, uint64_t curve, uint32_t k) {
+    const bool two_keys = !curves.two_keys.empty() && curves.two_keys[curve] != 0;
+    const KeyPair keys = keys_around(curves.vertices.size(), s, two_keys);
+    return (1.0 - keys.within) * cv(curves, keys.before, curve, k) +
+           keys.within * cv(curves, keys.after, curve, k);
 }
 
 // Largest distance between CVs at the first motion sample.
@@ -132,7 +131,7 @@ CurveDistance motion_cv_distance(const World& mine, const World& reference, cons
             const double s = b.vertices.size() > 1 ? double(time) / double(b.vertices.size() - 1) : 0.0;
             for (uint32_t k = 0; k < a.layout().cvs(c); ++k)
                 largest = std::max(largest, view.enlarged(cv(b, time, c, k)) *
-                                                (in_motion(a, s, c, k) - cv(b, time, c, k)).norm());
+                                                (in_motion(a, float(s), c, k) - cv(b, time, c, k)).norm());
         }
         return largest;
     });

@@ -136,6 +136,7 @@ void edit_pieces(World& world, size_t g) {
 
 // Moves CVs in Embree's buffers and rebuilds its BVH.
 void edit_curves(World& world, const std::function<void(uint64_t curve, float* vertex)>& edit) {
+    ASSERT_TRUE(world.curve_parts.empty()) << "they would have to be committed again";
     for (size_t g = 0; g < world.curves.size(); ++g) {
         const CurveGeometry& curves = world.curves[g];
         RTCGeometry geometry = world.curve_buffers[g].get();

@@ -23,11 +23,18 @@ struct Case {
     const char* name;
     const char* groom; // nullptr: imported curves that differ in their number of CVs
     int pieces;
+    bool beside = false; // others that keep more than two keys
     friend std::ostream& operator<<(std::ostream& out, const Case& of) { return out << of.name; }
 };
 
+// Curves of which all need more than two keys.
+const std::string wheel = mesh("wheel", "sphere",
+                               "transform = { keys = [{ frame = 1, translate = [9, 0, 0] }, { frame = 3, "
+                               "translate = [9, 0, 0], rotate = [0, 300, 0] }] }\n") +
+                          groom("spokes", "wheel", "count = 500\n");
+
 std::string text_of(const Case& of) {
-    if (of.groom) return turning + groom("hair", "ground", of.groom);
+    if (of.groom) return turning + groom("hair", "ground", of.groom) + (of.beside ? wheel : "");
     return turning +
            "[[curves]]\nname = \"file\"\ntype = \"points\"\npoints = [[0, 0, 0], [0, 1, 0]]\n"
            "[[procedural]]\ntype = \"strands\"\nname = \"hair\"\ncurves = \"file\"\non = \"ground\"\n"
@@ -70,18 +77,21 @@ TEST_P(CurveParts, AreHitWhereAllKeysAreHit) {
     open_shutter(whole, GetParam(), keys);
     const World all = whole.build();
     ASSERT_GT(keys, 2U);
-    ASSERT_EQ(parts.curve_parts.size(), keys);
+    ASSERT_EQ(parts.curve_parts.size(), GetParam().beside ? 2 : keys);
+    if (GetParam().beside) {
+        ASSERT_GT(parts.curves[1].vertices.size(), 2U);
+    }
     ASSERT_TRUE(all.curve_parts.empty());
     ASSERT_EQ(parts.curves[0].pieces, all.curves[0].pieces);
     const CurveGeometry& curves = all.curves[0];
     const CurveLayout layout = curves.layout();
     const size_t of_curve = std::max(curves.pieces, 1U);
-    EXPECT_EQ(parts.curve_parts[0].primitives.size() + parts.curve_parts[1].primitives.size(),
+    EXPECT_EQ(parts.curve_parts[0].primitives->size() + parts.curve_parts[1].primitives->size(),
               layout.segment_count() * of_curve);
-    for (size_t i = 2; i < keys; ++i)
-        EXPECT_EQ(parts.curve_parts[i].primitives, parts.curve_parts[1].primitives);
+    for (size_t i = 2; i < parts.curve_parts.size(); ++i)
+        EXPECT_EQ(*parts.curve_parts[i].primitives, *parts.curve_parts[1].primitives);
     std::vector<char> with_all(layout.curve_count); // [curve]
-    for (const uint32_t primitive : parts.curve_parts[1].primitives)
+    for (const uint32_t primitive : *parts.curve_parts[1].primitives)
         with_all[curves.offsets.empty() ? primitive / of_curve / (curves.cvs_per_curve - 1)
                                         : curves.curve_of_segment[primitive]] = 1;
     const auto needed = std::ranges::count(with_all, 1);
@@ -116,7 +126,7 @@ TEST_P(CurveParts, AreHitWhereAllKeysAreHit) {
             ++rays;
             const bool some = intersect(parts, ray, hit, false, nullptr);
             EXPECT_EQ(occluded(parts, ray, nullptr), some);
-            if (!some || hit.geometry != 1 || hit.strand != c) continue;
+            if (!some || hit.geometry != parts.meshes.size() || hit.strand != c) continue;
             ++met;
             if (!with_all[c]) continue;
             ++of_parts;
@@ -134,19 +144,20 @@ TEST_P(CurveParts, AreHitWhereAllKeysAreHit) {
     EXPECT_LE(most, chosen.settings.tolerance / strand_motion_margin);
 }
 
-INSTANTIATE_TEST_SUITE_P(All, CurveParts,
-                         ::testing::Values(Case{"cubic ribbons", "count = 1500\nshape = \"ribbon\"\n", 0},
-                                           Case{"ribbons in pieces", "count = 1500\nshape = \"ribbon\"\n", 2},
-                                           Case{"round cubics", "count = 1500\nshape = \"round\"\n", 0},
-                                           Case{"round pieces", "count = 1500\nshape = \"round\"\n", 2},
-                                           Case{"different CV counts", nullptr, 0},
-                                           Case{"oriented ribbons",
-                                                "count = 1500\nshape = \"oriented-ribbon\"\n", 0}),
-                         [](const auto& info) {
-                             std::string name = info.param.name;
-                             std::ranges::replace(name, ' ', '_');
-                             return name;
-                         });
+INSTANTIATE_TEST_SUITE_P(
+    All, CurveParts,
+    ::testing::Values(Case{"cubic ribbons", "count = 1500\nshape = \"ribbon\"\n", 0},
+                      Case{"ribbons in pieces", "count = 1500\nshape = \"ribbon\"\n", 2},
+                      Case{"round cubics", "count = 1500\nshape = \"round\"\n", 0},
+                      Case{"round pieces", "count = 1500\nshape = \"round\"\n", 2},
+                      Case{"different CV counts", nullptr, 0},
+                      Case{"round pieces beside others", "count = 1500\nshape = \"round\"\n", 2, true},
+                      Case{"oriented ribbons", "count = 1500\nshape = \"oriented-ribbon\"\n", 0}),
+    [](const auto& info) {
+        std::string name = info.param.name;
+        std::ranges::replace(name, ' ', '_');
+        return name;
+    });
 
 // Where many curves need all keys, or the scene sets the keys, no parts are made.
 TEST(CurveParts, AreNotMadeWhereTheyCostMore) {

@@ -13,9 +13,9 @@ struct Step {
     double within;
 };
 
-inline Step step_of(size_t keys, float time) {
+inline Step step_of(size_t keys, double time) {
     if (keys < 2) return {0, 0.0};
-    const double at = static_cast<double>(time) * static_cast<double>(keys - 1);
+    const double at = time * static_cast<double>(keys - 1);
     const size_t first = std::min(static_cast<size_t>(at), keys - 2);
     return {first, at - static_cast<double>(first)};
 }
@@ -26,8 +26,8 @@ struct KeyPair {
     double within;
 };
 
-inline KeyPair keys_around(size_t keys, float time, bool two_keys) {
-    if (two_keys && keys > 1) return {0, keys - 1, static_cast<double>(time)};
+inline KeyPair keys_around(size_t keys, double time, bool two_keys) {
+    if (two_keys && keys > 1) return {0, keys - 1, time};
     const Step step = step_of(keys, time);
     return {step.first, std::min(step.first + 1, keys - 1), step.within};
 }

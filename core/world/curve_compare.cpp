@@ -39,7 +39,7 @@ Vec3d on_polygon(const CurveGeometry& curves, uint64_t curve, double u) {
 }
 
 // CV k at fraction s of the shutter, linear between the motion samples that it is traced with.
-Vec3d in_motion(const CurveGeometry& curves, float s, uint64_t curve, uint32_t k) {
+Vec3d in_motion(const CurveGeometry& curves, double s, uint64_t curve, uint32_t k) {
     const bool two_keys = !curves.two_keys.empty() && curves.two_keys[curve] != 0;
     const KeyPair keys = keys_around(curves.vertices.size(), s, two_keys);
     return (1.0 - keys.within) * cv(curves, keys.before, curve, k) +
@@ -131,7 +131,7 @@ CurveDistance motion_cv_distance(const World& mine, const World& reference, cons
             const double s = b.vertices.size() > 1 ? double(time) / double(b.vertices.size() - 1) : 0.0;
             for (uint32_t k = 0; k < a.layout().cvs(c); ++k)
                 largest = std::max(largest, view.enlarged(cv(b, time, c, k)) *
-                                                (in_motion(a, float(s), c, k) - cv(b, time, c, k)).norm());
+                                                (in_motion(a, s, c, k) - cv(b, time, c, k)).norm());
         }
         return largest;
     });

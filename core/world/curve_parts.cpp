@@ -9,8 +9,8 @@
 namespace marram {
 namespace {
 
-// Largest distance of a curve's vertices, radii and half-widths from lines between the first and last key, m as
-// View::enlarged() enlarges it; stops beyond `limit`.
+// Largest distance of a curve's vertices, radii and half-widths from lines between the first and last key, m
+// as View::enlarged() enlarges it; stops beyond `limit`.
 double two_key_error(const CurveBuild& item, size_t first_vertex, size_t vertices, double limit,
                      const View& view) {
     const size_t last = item.vertices.size() - 1;

@@ -88,7 +88,7 @@ void announce_long_work(const MarramHost& host, const char* id, const std::strin
                         const LongWork& work, double frame, std::optional<double>& announced) {
     // Thread seconds per CV of one motion sample; `bend` also of one past sample of jiggle. Collision: 0.2e-6
     // on a hill (scenes/default.toml), 0.6e-6 on a ball (talk.toml), 1.4e-6 along a head (long_hair.toml).
-    constexpr double bend = 0.05e-6, collide = 1e-6, long_work = 60.0;
+    constexpr double bend = 0.05e-6, collide = 1e-6, long_work = 30.0;
     const auto past_samples = double(std::max<int64_t>(work.past_samples, 0));
     const double seconds =
         work.cvs * (bend * (work.samples + past_samples) + (work.collides ? collide * work.samples : 0.0));

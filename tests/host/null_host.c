@@ -516,7 +516,7 @@ static void check_bad_frames(const MarramProcedural* type, Values* values, const
     type->destroy(instance);
 }
 
-/* Work that would take a minute is announced before it begins. */
+/* Work that would take half a minute is announced before it begins. */
 static void check_announcement(const MarramProcedural* type, const MarramFrame* frame) {
     static Values values;
     Given given[good_count + 1];

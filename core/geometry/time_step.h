@@ -20,14 +20,14 @@ inline Step step_of(size_t keys, double time) {
     return {first, at - static_cast<double>(first)};
 }
 
-// The two keys around a time. Without keys in between (`two_keys`) these are the first and the last.
+// The two keys around a time. Without keys in between (`end_keys_only`) these are the first and the last.
 struct KeyPair {
     size_t before, after;
     double within;
 };
 
-inline KeyPair keys_around(size_t keys, double time, bool two_keys) {
-    if (two_keys && keys > 1) return {0, keys - 1, time};
+inline KeyPair keys_around(size_t keys, double time, bool end_keys_only) {
+    if (end_keys_only && keys > 1) return {0, keys - 1, time};
     const Step step = step_of(keys, time);
     return {step.first, std::min(step.first + 1, keys - 1), step.within};
 }

@@ -40,7 +40,7 @@ struct MeshGeometry {
 };
 
 // The curves of one procedural. Their geometry ID is World::meshes.size() + their index in World::curves;
-// Embree knows them by that ID, or by those of their parts.
+// Embree knows them by that ID or, if they have parts, only by those of the parts.
 // CurveLayout gives the indices of each curve's vertices and segments. Embree's primitive p is segment p of
 // all curves; with n pieces per segment it is piece p % n of segment p / n.
 struct CurveGeometry {
@@ -59,7 +59,7 @@ struct CurveGeometry {
     std::vector<float*>
         round_pieces; // [time] traced pieces: (segments * pieces + 1) vertices per curve; else empty
     std::vector<AttributeValues> attributes;
-    std::vector<char> two_keys; // [curve]: 1 if it is traced with its first and last key; empty: none is
+    std::vector<char> end_keys_only; // [curve]: 1 if it is traced with its first and last key; empty: none is
 
     CurveLayout layout() const {
         return {curve_count, cvs_per_curve, offsets.empty() ? nullptr : offsets.data()};
@@ -71,7 +71,7 @@ struct CurveGeometry {
 struct CurvePart {
     uint32_t curves = 0;                                     // index in World::curves
     std::shared_ptr<const std::vector<uint32_t>> primitives; // [of the part]: primitive of the CurveGeometry
-    bool two_keys = false;                                   // moves linearly from the first key to the last
+    bool end_keys_only = false;                              // moves linearly from the first key to the last
     std::shared_ptr<RTCGeometryTy> owner{};                  // of the vertices
 };
 
@@ -107,17 +107,17 @@ struct World {
 };
 
 // What Embree's IDs of a hit on a curve stand for.
-struct TracedCurve {
+struct CurvePrimitive {
     uint32_t curves;    // index in World::curves
     uint32_t primitive; // of that CurveGeometry
-    bool two_keys;      // see CurvePart
+    bool end_keys_only; // see CurvePart
 };
 
-inline TracedCurve traced_curve(const World& world, uint32_t geometry, uint32_t primitive) {
+inline CurvePrimitive curve_primitive(const World& world, uint32_t geometry, uint32_t primitive) {
     const size_t index = geometry - world.meshes.size();
     if (index < world.curves.size()) return {uint32_t(index), primitive, false};
     const CurvePart& part = world.curve_parts[index - world.curves.size()];
-    return {part.curves, (*part.primitives)[primitive], part.two_keys};
+    return {part.curves, (*part.primitives)[primitive], part.end_keys_only};
 }
 
 } // namespace marram

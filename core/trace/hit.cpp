@@ -302,7 +302,7 @@ void set_round_piece(const Vec3d& seen, const PiecePoint& piece, const Vec3d& ta
     point.normal = point.geometric_normal;
 }
 
-void set_curve(const CurveGeometry& curves, const TracedCurve& traced, const RTCRay& ray, float u_of_hit,
+void set_curve(const CurveGeometry& curves, const CurvePrimitive& traced, const RTCRay& ray, float u_of_hit,
                double t, SurfacePoint& point) {
     const uint32_t primitive = traced.primitive;
     const uint32_t pieces = std::max(curves.pieces, 1U), piece = primitive % pieces;
@@ -317,7 +317,7 @@ void set_curve(const CurveGeometry& curves, const TracedCurve& traced, const RTC
         point.strand = primitive / pieces / segments;
     }
     const size_t first = layout.first_vertex(point.strand) + segment;
-    const KeyPair keys = keys_around(curves.vertices.size(), ray.time, traced.two_keys);
+    const KeyPair keys = keys_around(curves.vertices.size(), ray.time, traced.end_keys_only);
     const Control<4> control = control_of<4>(curves.vertices, first, keys);
     const float hit_u = std::clamp(u_of_hit, 0.0F, 1.0F); // seen end-on, Embree's may be outside
     PiecePoint straight;
@@ -450,7 +450,7 @@ bool intersect(const World& world, const Ray& ray, SurfacePoint& point, bool coh
         choose_sidedness_normal(ray.direction, point);
     } else {
         point.normal = Vec3f(query.hit.Ng_x, query.hit.Ng_y, query.hit.Ng_z).normalized();
-        const TracedCurve traced = traced_curve(world, query.hit.geomID, query.hit.primID);
+        const CurvePrimitive traced = curve_primitive(world, query.hit.geomID, query.hit.primID);
         point.geometry = uint32_t(world.meshes.size()) + traced.curves;
         point.primitive = traced.primitive;
         set_curve(world.curves[traced.curves], traced, query.ray, query.hit.u, t, point);

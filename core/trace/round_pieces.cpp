@@ -65,10 +65,10 @@ struct Query {
 };
 
 // A piece at a time, interpolated as in Embree, but in double.
-RoundPiece piece_of(const CurveGeometry& curves, const TracedCurve& traced, float time) {
+RoundPiece piece_of(const CurveGeometry& curves, const CurvePrimitive& traced, float time) {
     const uint32_t per_curve = (curves.cvs_per_curve - 1) * curves.pieces;
     const size_t first = 4 * (traced.primitive + static_cast<size_t>(traced.primitive / per_curve));
-    const KeyPair keys = keys_around(curves.round_pieces.size(), time, traced.two_keys);
+    const KeyPair keys = keys_around(curves.round_pieces.size(), time, traced.end_keys_only);
     const auto corner = [&](size_t at) -> Vec4d {
         const auto key = [&](size_t step) { return Eigen::Map<const Vec4f>(curves.round_pieces[step] + at); };
         const Vec4d before = key(keys.before).cast<double>();
@@ -83,7 +83,7 @@ RoundPiece piece_of(const CurveGeometry& curves, const TracedCurve& traced, floa
 
 // True if the ray enters the piece that Embree has hit, at t < before.
 bool entered(const Query& query, const RTCHit& hit, double before, Entry& entry) {
-    const TracedCurve traced = traced_curve(*query.world, hit.geomID, hit.primID);
+    const CurvePrimitive traced = curve_primitive(*query.world, hit.geomID, hit.primID);
     const RoundPiece piece = piece_of(query.world->curves[traced.curves], traced, query.time);
     return enter(piece, query.origin, query.direction, query.tnear, entry) && entry.t < before;
 }
@@ -91,7 +91,7 @@ bool entered(const Query& query, const RTCHit& hit, double before, Entry& entry)
 bool is_piece(const Query& query, uint32_t geometry) {
     const World& world = *query.world;
     return geometry >= world.meshes.size() &&
-           !world.curves[traced_curve(world, geometry, 0).curves].round_pieces.empty();
+           !world.curves[curve_primitive(world, geometry, 0).curves].round_pieces.empty();
 }
 
 // An upper bound of t that includes the error of Embree's own t.

@@ -81,13 +81,13 @@ struct BuildStats {
     // Only if keys were chosen automatically; of the procedural where it is largest. motion_error: 99th
     // percentile of the strands' error between keys, m, scaled by View::enlarged to its size at
     // reference_depth. motion_jumps: fraction of strands that jump within the shutter, which no number of
-    // keys can follow.
+    // keys can follow. Curves traced with two keys (curve_parts.h) count with their largest error.
     double motion_error = 0.0, motion_jumps = 0.0;
     double mesh_motion_error = 0.0; // m, likewise, of meshes that move within the shutter, with the keys used
     // Settings that the tolerance chose, by procedural and setting, such as "fur.cvs".
     std::map<std::string, double> chosen;
     uint64_t curves = 0, cvs = 0, segments = 0, triangles = 0;
-    uint64_t curve_bytes = 0;     // buffers that Embree reads: vertices, normals, indices
+    uint64_t curve_bytes = 0;     // vertices, normals, indices, primitives of parts
     uint64_t attribute_bytes = 0; // of curves
     std::vector<std::string> warnings;
     std::vector<Box3f> patch_bounds; // as declared by the procedurals, in curve order

@@ -302,7 +302,7 @@ uint32_t choose_pieces(Build& build, const CurveBuild& item, bool allow_round_pi
 // spans: see attach_parts().
 void attach(Build& build, CurveBuild& item, uint32_t set, bool spans) {
     const TracedVertices traced = item.curves.pieces > 0 ? traced_pieces(build, item) : traced_cubics(item);
-    if (!item.curves.two_keys.empty()) {
+    if (!item.curves.end_keys_only.empty()) {
         attach_parts(build, item, traced, set, spans);
         return;
     }
@@ -462,10 +462,10 @@ void attach_curves(Build& build) {
     for (CurveBuild& item : build.items) {
         if (!is_traced(item)) continue;
         item.curves.pieces = choose_pieces(build, item, allow_round_pieces);
-        choose_two_keys(build, item);
+        find_end_key_curves(build, item);
     }
     const bool spans = std::ranges::none_of(build.items, [&](const CurveBuild& item) {
-        return is_traced(item) && item.vertices.size() > 2 && item.curves.two_keys.empty();
+        return is_traced(item) && item.vertices.size() > 2 && item.curves.end_keys_only.empty();
     });
     for (CurveBuild& item : build.items) {
         for (const MarramPatch& p : item.patches)

@@ -40,8 +40,8 @@ Vec3d on_polygon(const CurveGeometry& curves, uint64_t curve, double u) {
 
 // CV k at fraction s of the shutter, linear between the motion samples that it is traced with.
 Vec3d in_motion(const CurveGeometry& curves, double s, uint64_t curve, uint32_t k) {
-    const bool two_keys = !curves.two_keys.empty() && curves.two_keys[curve] != 0;
-    const KeyPair keys = keys_around(curves.vertices.size(), s, two_keys);
+    const bool end_keys_only = !curves.end_keys_only.empty() && curves.end_keys_only[curve] != 0;
+    const KeyPair keys = keys_around(curves.vertices.size(), s, end_keys_only);
     return (1.0 - keys.within) * cv(curves, keys.before, curve, k) +
            keys.within * cv(curves, keys.after, curve, k);
 }

@@ -43,11 +43,11 @@ struct PartIndices {
     std::vector<uint32_t> vertices;
 };
 
-PartIndices indices_of(const CurveBuild& item, const TracedVertices& traced, bool two_keys) {
+PartIndices indices_of(const CurveBuild& item, const TracedVertices& traced, bool end_keys_only) {
     const CurveLayout layout = item.curves.layout();
     const bool alike = traced.segments > 0;
     const auto segments_of = [&](uint64_t c) { return alike ? traced.segments : layout.cvs(c) - 1; };
-    const auto wanted = [&](uint64_t c) { return (item.curves.two_keys[c] != 0) == two_keys; };
+    const auto wanted = [&](uint64_t c) { return (item.curves.end_keys_only[c] != 0) == end_keys_only; };
     size_t count = 0;
     for (uint64_t c = 0; c < layout.curve_count; ++c)
         if (wanted(c)) count += segments_of(c);
@@ -103,12 +103,12 @@ void attach_geometry(Build& build, RTCGeometry geometry, unsigned id) {
     rtcAttachGeometryByID(build.world.scene.get(), geometry, id);
 }
 
-void choose_two_keys(Build& build, CurveBuild& item) {
+void find_end_key_curves(Build& build, CurveBuild& item) {
     const size_t keys = item.vertices.size();
     if (!build.chooses_keys() || keys <= 2) return;
     const CurveLayout layout = item.curves.layout();
     const double limit = build.settings.tolerance / strand_motion_margin;
-    std::vector<char> two_keys(layout.curve_count);
+    std::vector<char> end_keys_only(layout.curve_count);
     const double most = tbb::parallel_reduce(
         tbb::blocked_range<size_t>(0, item.patches.size()), 0.0,
         [&](const auto& patches, double found) {
@@ -117,25 +117,27 @@ void choose_two_keys(Build& build, CurveBuild& item) {
                 for (uint64_t c = patch.first_curve; c < patch.first_curve + patch.curve_count; ++c) {
                     const double error = two_key_error(item, layout.first_vertex(c), layout.cvs(c) + 2, limit,
                                                        build.settings.view);
-                    two_keys[c] = error <= limit;
+                    end_keys_only[c] = error <= limit;
                     if (error <= limit) found = std::max(found, error);
                 }
             }
             return found;
         },
         [](double a, double b) { return std::max(a, b); });
-    const uint64_t curves = two_keys.size(), more = curves - uint64_t(std::ranges::count(two_keys, 1));
+    const uint64_t curves = end_keys_only.size(),
+                   more = curves - uint64_t(std::ranges::count(end_keys_only, 1));
     build.stats.chosen[item.procedural->name() + ".more_than_two_keys"] = double(more) / double(curves);
     if (8 * more > curves || 2 * more * (keys - 1) > curves) return;
     build.stats.motion_error = std::max(build.stats.motion_error, most);
     build.stats.curve_bytes += layout.segment_count() * std::max(item.curves.pieces, 1U) * 4; // primitives
-    item.curves.two_keys = std::move(two_keys);
+    item.curves.end_keys_only = std::move(end_keys_only);
 }
 
 void attach_parts(Build& build, const CurveBuild& item, const TracedVertices& traced, uint32_t set,
                   bool spans) {
     const size_t last = traced.vertices.size() - 1;
-    attach_part(build, traced, indices_of(item, traced, true), {0, last}, {.curves = set, .two_keys = true});
+    attach_part(build, traced, indices_of(item, traced, true), {0, last},
+                {.curves = set, .end_keys_only = true});
     const PartIndices indices = indices_of(item, traced, false);
     if (indices.vertices.empty()) return;
     if (spans) {

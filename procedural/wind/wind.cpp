@@ -29,9 +29,10 @@ constexpr std::array own_params = {
         "advance of the noise sample point along the wind per length of strand; larger: more ripples "
         "on a strand"),
     param::integer(
-        "reference_segments", "", "0", 0, 100000,
+        "reference_segments", "", "4", 0, 100000,
         "number of segments for which the turn is defined, so that the pose does not depend on cvs: it "
-        "converges with their square; 0: those of the strand, as in the talk (7 if cvs = 0)"),
+        "converges with their square; 4: the talk's strands; 0: those of the strand, the talk to the letter "
+        "(7 if cvs = 0)"),
     param::choice("noise.type", "perlin", "perlin|billow|wavelet", "kind of noise field"),
     param::number("noise.amplitude", "", "0.5", 0, 1e6,
                   "strength of the noise, relative to the unit wind direction"),

@@ -48,11 +48,10 @@ ParsedGroom parse(const MarramHost& host, std::span<const MarramValue> list) {
     warn_invisible_strands(host, given, parsed.groom);
     warn_of_ignored(host, given, parsed.groom);
     warn_of_idle_wind(host, given, parsed.wind);
-    // The wind turns each segment of the authored strand. With automatic CVs and no reference_segments, a
-    // strand of 8 CVs is assumed.
-    constexpr int default_reference_segments = 7;
+    // "Those of the strand" needs a strand: with automatic CVs, one of 8 CVs.
+    constexpr int segments_of_automatic_cvs = 7;
     if (parsed.groom.cvs == 0 && parsed.wind.reference_segments == 0)
-        parsed.wind.reference_segments = default_reference_segments;
+        parsed.wind.reference_segments = segments_of_automatic_cvs;
     parsed.roots_digest = roots_digest(given);
     parsed.values_digest = digest_of_values(list);
     return parsed;

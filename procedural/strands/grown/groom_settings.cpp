@@ -95,11 +95,9 @@ constexpr std::array groom_values = {
     param::ramp("width_profile", "", "[[0, 1], [1, 0.1]]", -embree_limit, embree_limit,
                 "scale of the width from root to tip"),
     param::number("width_variation", "", "0.1", 0, 1, "largest random reduction of the width, as a fraction"),
-    param::integer(
-        "cvs", "", "8", 0, 1000,
-        "control vertices a strand; 0: as many as show the bend within the tolerance; "
-        "wind.reference_segments then defaults to 7, so the wind is as strong as on strands of 8 CVs",
-        "5|9|17|33|65", ""),
+    param::integer("cvs", "", "8", 0, 1000,
+                   "control vertices a strand; 0: as many as show the bend within the tolerance",
+                   "5|9|17|33|65", ""),
     param::choice("basis", "bspline", "bspline|catmull-rom",
                   "B-spline is smoother; Catmull-Rom passes through its CVs"),
     param::choice("shape", "round", "round|ribbon|oriented-ribbon",

@@ -71,7 +71,7 @@ using WriteFrame = std::function<std::vector<std::string>(const World&)>;
 void build_and_write(Shot& shot, const BakeOptions& options, const std::string& prefix,
                      std::set<std::string>& warnings, FrameStats& stats, const WriteFrame& write) {
     const double begin = wall_seconds();
-    select_takes(shot, stats.frame);
+    set_frame(shot, stats.frame);
     const BuildSettings settings = build_settings_for_bake(shot, options, stats.frame);
     tbb::task_arena arena(stats.threads);
     BuildProgress progress;

@@ -92,11 +92,13 @@ const MarramParam* declaration_of(const ParamValue& value, const ProceduralItemT
     return found == type.params.end() ? nullptr : &*found;
 }
 
+constexpr MarramParam type_of_element = {"type", MARRAM_CHOICE, "", "", 0.0, 0.0, "", "", "", "", 0};
+
 } // namespace
 
 ContractValues::ContractValues(const ProceduralType& type, const Item& item, const ParamSet& wind,
                                const CurveAttributes& curves)
-    : curves_(curves) {
+    : curves_(curves), type_name_(type.calls.name) {
     for (const MarramParam& param : type.params) add_param(param, item, wind);
     for (const ParamList& list : item.params.lists())
         for (size_t i = 0; i < list.size; ++i) {
@@ -106,11 +108,11 @@ ContractValues::ContractValues(const ProceduralType& type, const Item& item, con
                 return kind && list.name == t.item.list && kind->text == t.item.type;
             });
             if (one == type.item_types.end()) continue; // elements without types: added above
-            add(MARRAM_CHOICE, kind->name, *kind);
+            add(type_of_element, kind->name, *kind);
             for (const ParamValue& value : item.params.all())
                 if (value.name.starts_with(prefix) && &value != kind)
                     if (const MarramParam* param = declaration_of(value, *one))
-                        add(param->type, value.name, value);
+                        add(*param, value.name, value);
         }
 }
 
@@ -123,7 +125,7 @@ void ContractValues::add_param(const MarramParam& param, const Item& item, const
             if (value.spec->name == name.substr(prefix.size()) &&
                 (list.empty() ? value.name == value.spec->name
                               : value.name.starts_with(std::string(list.substr(prefix.size())) + "[")))
-                add(param.type, std::string(prefix) + value.name, value);
+                add(param, std::string(prefix) + value.name, value);
     };
     const bool own = list.empty() ? item.params.has(name) : item.params.find_list(list) != nullptr;
     if (own)
@@ -132,7 +134,18 @@ void ContractValues::add_param(const MarramParam& param, const Item& item, const
         add_from(wind, wind_prefix);
 }
 
-void ContractValues::add(MarramParamType type, std::string name, const ParamValue& value) {
+const MarramKeyframes* ContractValues::keyframes(const Keyframes& keys) {
+    return &keyframes_.emplace_back(MarramKeyframes{sizeof(MarramKeyframes), uint32_t(keys.count()),
+                                                    keys.frames.data(), keys.numbers.data(),
+                                                    name_of(keys.interpolation)});
+}
+
+void ContractValues::add(const MarramParam& param, std::string name, const ParamValue& value) {
+    const MarramParamType type = param.type;
+    if (value.keys && !param.keyable)
+        throw InputError(value.place,
+                         fmt::format("{} has keys, and a {} cannot follow them", name, type_name_),
+                         fmt::format("give the {} a constant of its own: {} = ...", type_name_, name));
     MarramValue& out = values_.emplace_back();
     out.name = texts_.emplace_back(std::move(name)).c_str();
     out.type = type;
@@ -140,6 +153,7 @@ void ContractValues::add(MarramParamType type, std::string name, const ParamValu
     out.number_count = value.numbers.size();
     out.text = value.text.c_str();
     out.place = texts_.emplace_back(to_string(value.place)).c_str();
+    if (value.keys) out.keyframes = keyframes(*value.keys);
     if (type == MARRAM_IMAGE) {
         out.grid = image(value);
         if (!has_udim(value.text)) out.placement = placement(value); // tiles lie where their numbers say
@@ -224,6 +238,10 @@ uint64_t ContractValues::digest() const {
     Digest digest;
     for (const MarramValue& value : values_) {
         digest.add(value.name).add(value.numbers, value.number_count * sizeof(double));
+        if (const MarramKeyframes* keys = value.keyframes)
+            digest.add(keys->frames, keys->count * sizeof(double))
+                .add(keys->numbers, keys->count * value.number_count * sizeof(double))
+                .add(keys->interpolation);
         for (uint32_t i = 0; i < value.attribute_count; ++i) {
             const MarramAttribute& a = value.attributes[i];
             digest.add(a.name).add(a.components).add(uint64_t(a.rate)).add(a.discrete);

@@ -40,7 +40,8 @@ class ContractValues {
     std::vector<GeometryName> names_of(MarramParamType type) const;
 
   private:
-    void add(MarramParamType type, std::string name, const ParamValue& value);
+    void add(const MarramParam& param, std::string name, const ParamValue& value);
+    const MarramKeyframes* keyframes(const Keyframes& keys);
     void add_param(const MarramParam& param, const Item& item, const ParamSet& wind);
     const MarramGrid* image(const ParamValue& value);
     const MarramPlacement* placement(const ParamValue& value); // nullptr if the image's file does not say
@@ -56,6 +57,8 @@ class ContractValues {
     std::map<std::string, const MarramGrid*> image_grids_; // by file
     std::deque<MarramGrid> grids_;
     std::deque<MarramPlacement> placements_;
+    std::deque<MarramKeyframes> keyframes_;
+    std::string type_name_; // of the procedural
     std::deque<std::vector<MarramAttribute>> attributes_;
 };
 

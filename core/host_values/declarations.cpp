@@ -32,6 +32,7 @@ ParamSpec spec_of(const MarramParam& param) {
     if (param.type == MARRAM_CURVES_NAME) spec.choices = "curves|procedural";
     if (param.sweep) spec.sweep = param.sweep;
     if (param.sweep_time) spec.sweep_time = param.sweep_time;
+    spec.keyable = param.keyable != 0;
     return spec;
 }
 

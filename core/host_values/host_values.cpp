@@ -150,6 +150,7 @@ struct MarramHostValues {
     // Results of the last finish.
     std::deque<ParamValue> defaults;
     std::vector<MarramValue> all;
+    std::deque<MarramKeyframes> keyframes; // of `all`
     MarramValues lent{};
 
     explicit MarramHostValues(ProceduralType of)
@@ -307,6 +308,10 @@ struct MarramHostValues {
         out.number_count = value.numbers.size();
         out.text = value.text.c_str();
         out.place = value.place.file.c_str();
+        if (value.keys)
+            out.keyframes = &keyframes.emplace_back(MarramKeyframes{
+                sizeof(MarramKeyframes), uint32_t(value.keys->count()), value.keys->frames.data(),
+                value.keys->numbers.data(), name_of(value.keys->interpolation)});
     }
 
     // Runs a function of the C interface. An exception sets no_memory, which marram_values_finish() reports.
@@ -323,6 +328,7 @@ struct MarramHostValues {
     // nullptr after reporting what is wrong.
     const MarramValues* finish(const MarramHost* host) {
         all.clear();
+        keyframes.clear();
         defaults.clear();
         reading.problems.clear();
         fill(specs, "", "", {});

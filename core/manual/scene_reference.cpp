@@ -77,7 +77,10 @@ std::string params_text(std::span<const ParamSpec> params) {
     for (const ParamSpec& spec : params)
         text += with_help(fmt::format("    {:{}}  {:{}}  {:{}}  {:{}}  ", spec.name, name, kind_of(spec),
                                       kind, default_of(spec), initial, spec.unit, unit),
-                          spec.help);
+                          spec.help + (spec.keyable ? " (keys)" : ""));
+    if (std::ranges::any_of(params, &ParamSpec::keyable))
+        text += "    (keys): may change in time, { keys = [[frame, value], ...], interpolation = "
+                "\"linear|smooth|constant\" }\n";
     std::string_view last; // the list explained last
     for (const ParamSpec& spec : params) {
         const std::string_view list = list_of(spec.name);

@@ -6,11 +6,13 @@
 // To add a parameter: add one ParamSpec to the owner's list and read it by name.
 #pragma once
 
+#include "core/math/keyframes.h"
 #include "core/math/problem.h"
 #include "core/math/vec.h"
 
 #include <cassert>
 #include <limits>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -52,6 +54,7 @@ struct ParamSpec {
     std::string sweep{};      // values that `marram measure` tries, as in a scene: "1|4|16"
     std::string sweep_time{}; // the report entry whose seconds it affects: "seconds.shield"; "": all stages
     bool each = false;        // a reference that may be a list of names: makes one item for each of them
+    bool keyable = false;     // its numbers may change in time: { keys = [[frame, value], ...] }
 };
 
 // A value with its place. Each type fills in exactly:
@@ -68,8 +71,9 @@ struct ParamValue {
     std::vector<double> numbers;
     std::string text;
     std::vector<std::string> texts;
-    Place place;        // of the value in the file; of the owning table for a default
-    bool given = false; // false: default
+    Place place;                     // of the value in the file; of the owning table for a default
+    bool given = false;              // false: default
+    std::optional<Keyframes> keys{}; // of a keyable value that changes; `numbers` are those of the first key
 };
 
 // A list of tables in the file; may be empty.

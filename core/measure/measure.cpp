@@ -75,7 +75,7 @@ class TimeLimit {
 
 World build(Shot& shot, const Dial& dial, const Session& session, const std::atomic<bool>& stop,
             FrameStats& stats) {
-    select_takes(shot, session.frame);
+    set_frame(shot, session.frame);
     BuildSettings settings = build_settings(shot, session.frame);
     if (dial.error != DialError::motion) settings.shutter_open = settings.shutter_close = 0.0;
     settings.trace_curves = dial.time == "strands and BVH" || dial.error == DialError::image ||

@@ -200,6 +200,7 @@ typedef struct MarramParam {
     const char* sweep;
     /* The report entry whose seconds it affects: "seconds.shield". "" or NULL: all stages. */
     const char* sweep_time;
+    uint32_t keyable; /* 1: its numbers may change in time, see MarramValue.keyframes */
 } MarramParam;
 
 /*
@@ -215,6 +216,16 @@ typedef struct MarramItemType {
     uint32_t param_count, param_stride;
 } MarramItemType;
 
+/* How the numbers of a value change in time. Each number is interpolated by itself; before the first key and
+ * after the last it is constant. */
+typedef struct MarramKeyframes {
+    size_t size;
+    uint32_t count;            /* 1 or more */
+    const double* frames;      /* [count], strictly ascending */
+    const double* numbers;     /* [count * MarramValue.number_count] */
+    const char* interpolation; /* "linear", "smooth" (flat at every key) or "constant" (until the next key) */
+} MarramKeyframes;
+
 typedef struct MarramValue {
     const char* name;
     MarramParamType type;
@@ -228,6 +239,8 @@ typedef struct MarramValue {
      * known yet. */
     const MarramAttribute* attributes;
     uint32_t attribute_count, attribute_stride;
+    /* Only of a keyable parameter; NULL if the value is constant. `numbers` are those of the first key. */
+    const MarramKeyframes* keyframes;
 } MarramValue;
 
 /* All declared parameters; those of the wind as "wind.<name>". Absent parameters with the default "none" are

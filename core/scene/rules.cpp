@@ -4,6 +4,7 @@
 #include "core/math/frame_name.h"
 #include "core/scene/suggest.h"
 #include "core/scene/table.h"
+#include "core/scene/words.h"
 
 #include <algorithm>
 #include <cmath>
@@ -62,9 +63,34 @@ void check_camera(const ParamSet& camera, Reading& reading) {
                        "give another up, for example [0, 0, -1] for a view straight down");
 }
 
+// Keys of a direction: none is zero, and on the way to the next it does not pass through zero.
+void check_direction_keys(const ParamValue& direction, Reading& reading) {
+    if (!direction.keys) return;
+    const Keyframes& keys = *direction.keys;
+    for (size_t i = 1; i < keys.count(); ++i) {
+        const Vec3d before(keys.key(i - 1).data()), now(keys.key(i).data());
+        if (!has_direction(now)) {
+            reading.report(
+                direction.place,
+                fmt::format("the sun's direction is (nearly) zero at frame {}", limit(keys.frames[i])),
+                "give the direction towards the sun");
+            return;
+        }
+        constexpr double opposed = 1e-6; // of 1 + cosine
+        if (1.0 + before.stableNormalized().dot(now.stableNormalized()) < opposed &&
+            keys.interpolation != KeyInterpolation::constant)
+            reading.report(
+                direction.place,
+                fmt::format("the sun turns round between frames {} and {}, and nothing says to which side",
+                            limit(keys.frames[i - 1]), limit(keys.frames[i])),
+                "add a key on the way");
+    }
+}
+
 void check_lights(const std::vector<Item>& lights, Reading& reading) {
     for (const Item& light : lights) {
         const ParamValue* direction = light.params.find("direction");
+        if (direction) check_direction_keys(*direction, reading);
         if (!direction || has_direction(Vec3d(direction->numbers.data()))) continue;
         reading.report(direction->place, "the sun's direction is (nearly) zero",
                        "give the direction towards the sun");

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The tables that core/scene declares. The declarations are also the manual: `marram info` prints them.
 #include "core/scene/description.h"
+#include "core/scene/keyed_values.h"
 
 #include <algorithm>
 #include <iterator>
@@ -22,8 +23,10 @@ std::vector<ParamSpec> global_params() {
         {"bind_frame", number, "frames", "none", -late, late, "",
          "frame at which strands are rooted; default: the first of `frames`"},
         {"tolerance", number, "m", "0.001", 0, far, "",
-         "error that each approximation may have, for 99 strands in 100, before contact (a strand that touches "
-         "a mesh may pass it on either side); how far a rendered strand may enter a mesh; 0: a thousandth of each "
+         "error that each approximation may have, for 99 strands in 100, before contact (a strand that "
+         "touches "
+         "a mesh may pass it on either side); how far a rendered strand may enter a mesh; 0: a thousandth of "
+         "each "
          "strand's length, or less"},
         {"tolerance_pixels", number, "pixels", "none", 1e-4, 1e4, "",
          "the same in pixels at camera.target; motion keys and straight pieces follow each strand's own "
@@ -36,9 +39,10 @@ std::vector<ParamSpec> camera_params() {
         {"position", vec3, "m", "", -far, far, "", "where the camera stands"},
         {"target", vec3, "m", "", -far, far, "", "the point that it looks at"},
         {"up", vec3, "", "[0, 1, 0]", -far, far, "", "what is up in the picture; not along the view"},
-        {"fov", number, "deg", "40", 0.01, 179, "", "vertical angle of view"},
-        {"lens_radius", number, "m", "0", 0, 1000, "", "radius of the lens; 0: everything is sharp"},
-        {"focus", number, "m", "none", 1e-6, far, "", "distance that is sharp; default: that of the target"},
+        keyable({"fov", number, "deg", "40", 0.01, 179, "", "vertical angle of view"}),
+        keyable({"lens_radius", number, "m", "0", 0, 1000, "", "radius of the lens; 0: everything is sharp"}),
+        keyable({"focus", number, "m", "none", 1e-6, far, "",
+                 "distance that is sharp; default: that of the target"}),
         {"transform", keys, "", "{}", -any, any, "",
          "moves position and target: { translate, rotate } or { keys = [{ frame, ... }, ...], interpolation "
          "}, as "
@@ -57,8 +61,8 @@ std::vector<ParamSpec> film_params() {
          "how samples are weighted around a pixel"},
         {"filter_radius", number, "pixels", "1.5", 0.5, 8, "",
          "radius of the filter; 0.5 with a box is the plain pixel"},
-        {"exposure", number, "stops", "0", -32, 32, "",
-         "gain of PNG pictures, 2^exposure; EXR pictures stay linear"},
+        keyable({"exposure", number, "stops", "0", -32, 32, "",
+                 "gain of PNG pictures, 2^exposure; EXR pictures stay linear"}),
         {"max_depth", integer, "", "12", 0, 1024, "",
          "bounces of a path; 0: light sources only, 1: direct light"},
         {"aovs", texts, "", "[]", -any, any, "", "image layers besides the picture"},

@@ -106,6 +106,25 @@ bool read_keyed(const toml::array& keys, const std::string& label, ParamValue& v
     return good;
 }
 
+// The frame and the value of one key. Empty after a mistake has been reported.
+std::optional<std::pair<double, ParamValue>> read_keyframe(const toml::node& node, const ParamSpec& spec,
+                                                           const std::string& label, Reading& reading) {
+    const toml::array* key = node.as_array();
+    if (!key || key->size() != 2) {
+        reading.report(place_of(node, reading), fmt::format("{} is {}", label, found(node)),
+                       "give [frame, value], the value " + wanted(spec));
+        return {};
+    }
+    const auto frame =
+        read_number(*key->get(0), -max_frame, max_frame, "the frame of " + label,
+                    fmt::format("give a number from {} to {}", limit(-max_frame), limit(max_frame)), reading);
+    ParamValue value;
+    const bool good =
+        row_of(spec.type).read(*key->get(1), spec, "the value of " + label, value, reading) && frame;
+    if (!good) return {};
+    return std::pair(*frame, std::move(value));
+}
+
 // The most similar name in the folder of a missing file.
 std::string nearest_file(const std::filesystem::path& path) {
     namespace fs = std::filesystem;
@@ -119,6 +138,57 @@ std::string nearest_file(const std::filesystem::path& path) {
 }
 
 } // namespace
+
+bool read_keyframes(const toml::table& table, const ParamSpec& spec, const std::string& label,
+                    ParamValue& value, Reading& reading) {
+    const std::vector<std::string> known = {"keys", "interpolation"};
+    bool good = only_keys(table, known, label, reading);
+    Keyframes keys;
+    // What is on or off has nothing in between.
+    if (spec.type == ParamType::boolean) keys.interpolation = KeyInterpolation::constant;
+    if (const toml::node* node = table.get("interpolation")) {
+        const auto names = spec.type == ParamType::boolean ? "constant" : key_interpolations;
+        std::string name;
+        if (read_choice(*node, split(names, '|'), label + ".interpolation", name, reading))
+            keys.interpolation = *key_interpolation(name);
+        else
+            good = false;
+    }
+    const toml::node& node = *table.get("keys");
+    const toml::array* list = node.as_array();
+    if (!list || list->empty()) {
+        reading.report(place_of(node, reading), fmt::format("{}.keys is {}", label, found(node)),
+                       "give a list of keys, [[frame, value], ...]");
+        return false;
+    }
+    for (size_t i = 0; i < list->size(); ++i) {
+        const std::string name = fmt::format("key {} of {}", i + 1, label);
+        const toml::node& at = *list->get(i);
+        auto key = read_keyframe(at, spec, name, reading);
+        good = good && key;
+        if (!key) continue;
+        auto& [frame, one] = *key;
+        if (!keys.frames.empty() && frame <= keys.frames.back()) {
+            reading.report(place_of(at, reading), fmt::format("the frame of {} does not ascend", name),
+                           "sort the keys by frame, each frame once");
+            return false;
+        }
+        if (!keys.frames.empty() && (one.numbers.size() != value.numbers.size() || one.text != value.text)) {
+            reading.report(place_of(at, reading), // only ramps can differ so
+                           fmt::format("{} has other knots than the first key", name),
+                           "give all keys the same number of knots and the same interpolation");
+            return false;
+        }
+        if (keys.frames.empty()) {
+            value.numbers = one.numbers;
+            value.text = one.text;
+        }
+        keys.frames.push_back(frame);
+        keys.numbers.insert(keys.numbers.end(), one.numbers.begin(), one.numbers.end());
+    }
+    if (good) value.keys = std::move(keys);
+    return good;
+}
 
 bool read_ramp(const toml::node& node, const ParamSpec& spec, const std::string& label, ParamValue& value,
                Reading& reading) {

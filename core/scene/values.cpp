@@ -87,6 +87,17 @@ std::optional<ParamValue> read_value(const toml::node& node, const ParamSpec& sp
     value.spec = &spec;
     value.place = place_of(node, reading);
     value.given = true;
+    const toml::table* table = node.as_table();
+    if (table && table->contains("keys") && spec.type != ParamType::keys) {
+        if (spec.keyable) {
+            if (!read_keyframes(*table, spec, label, value, reading)) return {};
+            return value;
+        }
+        reading.report(place_of(*table->get("keys"), reading),
+                       fmt::format("{} has keys, and is the same at all frames", label),
+                       "give one value, " + wanted(spec) + "; `marram info` marks what can have keys");
+        return {};
+    }
     if (!row_of(spec.type).read(node, spec, label, value, reading)) return {};
     return value;
 }

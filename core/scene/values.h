@@ -43,6 +43,9 @@ bool read_ramp(const toml::node& node, const ParamSpec& spec, const std::string&
                Reading& reading);
 bool read_keys(const toml::node& node, const ParamSpec& spec, const std::string& label, ParamValue& value,
                Reading& reading);
+// Reads { keys = [[frame, value], ...], interpolation = ... } of a keyable parameter.
+bool read_keyframes(const toml::table& table, const ParamSpec& spec, const std::string& label,
+                    ParamValue& value, Reading& reading);
 bool read_points(const toml::node& node, const ParamSpec& spec, const std::string& label, ParamValue& value,
                  Reading& reading);
 bool read_path(const toml::node& node, const ParamSpec& spec, const std::string& label, ParamValue& value,

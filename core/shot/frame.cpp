@@ -4,6 +4,7 @@
 #include "core/image/atomic_file.h"
 #include "core/math/frame_name.h"
 #include "core/math/hash.h"
+#include "core/scene/keyed_values.h"
 #include "core/shot/film_state.h"
 #include "core/shot/picture_file.h"
 #include "core/shot/scene/material_checks.h"
@@ -49,8 +50,12 @@ std::vector<Metadata> metadata_of(const Frame& frame, const std::string& digest)
             {digest_key, digest}};
 }
 
+double exposure_of(const Frame& frame) {
+    return values_at(frame.shot.description.film, frame.files.frame).number("exposure");
+}
+
 void save(const Frame& frame, const std::string& path, const std::vector<Metadata>& metadata) {
-    save_picture(path, frame.film, frame.shot.description.film.number("exposure"), metadata);
+    save_picture(path, frame.film, exposure_of(frame), metadata);
 }
 
 // The size of a pixel is measured at camera.target. If the target is far behind the strands, the tolerance is
@@ -154,7 +159,7 @@ void check_layers(const Shot& shot, const std::vector<std::string>& more, const 
 }
 
 World build_frame(Frame& frame, KeptGeometry kept) {
-    select_takes(frame.shot, frame.files.frame);
+    set_frame(frame.shot, frame.files.frame);
     frame.settings = render_settings(frame.shot, frame.files.frame);
     frame.settings.seconds = frame.options.seconds;
     BuildSettings settings = build_settings(frame.shot, frame.files.frame);
@@ -252,7 +257,7 @@ SavedFrame save_frame(Frame& frame) {
             if (render.cancelled) break; // --resume writes them
             std::vector<Metadata> more = metadata;
             more.emplace_back(layer_key, layer_text(layer));
-            save_layer_picture(layer, frame.film, frame.shot.description.film.number("exposure"), more);
+            save_layer_picture(layer, frame.film, exposure_of(frame), more);
             saved.layers.push_back(layer.file);
         }
         if (render.cancelled) remove_link(saved.picture);

@@ -8,6 +8,7 @@
 #include "core/host/geometry_graph.h"
 #include "core/image/image_library.h"
 #include "core/math/udim.h"
+#include "core/scene/keyed_values.h"
 #include "core/scene/libraries.h"
 
 #include <fmt/format.h>
@@ -94,6 +95,22 @@ LightDescription make_light(const Item& item, std::vector<LightDescription>& sun
                             std::vector<std::string>& warnings) {
     const auto type = std::ranges::find(light_types(), item.type, &LightType::name);
     return type->make(item.params, light_image_reader(warnings), suns);
+}
+
+bool is_keyed(const Item& item) { return has_keys(item.params); }
+
+// The item at the frame, without keys.
+Item item_at(const Item& item, double frame) {
+    Item now = item;
+    now.params = values_at(item.params, frame);
+    return now;
+}
+
+// Calls check(item at the key) for each key of the item, so that mistakes are found before frames are rendered.
+void check_keys(const Item& item, const std::function<void(const Item&)>& check) {
+    for (const ParamValue& value : item.params.all())
+        for (size_t i = 1; value.keys && i < value.keys->count(); ++i)
+            check(item_at(item, value.keys->frames[i]));
 }
 
 // Resolves the materials that blends name. Throws InputError for a blend that contains itself.
@@ -194,6 +211,25 @@ void compute_skies(const Shot& shot, tbb::task_group& tasks) {
             description);
 }
 
+void set_keyed_lights(Shot& shot, double frame) {
+    if (std::ranges::none_of(shot.description.lights, is_keyed)) return;
+    std::vector<LightDescription> lights, suns;
+    std::vector<std::string> said;
+    for (const Item& item : shot.description.lights)
+        lights.push_back(make_light(item_at(item, frame), suns, said));
+    std::ranges::move(suns, std::back_inserter(lights));
+    shot.lights = std::move(lights);
+}
+
+void set_keyed_materials(Shot& shot, double frame) {
+    const std::vector<Item>& items = shot.description.materials;
+    if (std::ranges::none_of(items, is_keyed)) return;
+    for (size_t i = 0; i < items.size(); ++i)
+        if (is_keyed(items[i]))
+            shot.materials[i] = make_material(items[i].type, values_at(items[i].params, frame), open_texture);
+    resolve_blends(shot);
+}
+
 bool has_shadow_catcher(const Shot& shot) {
     return std::ranges::any_of(shot.geometry.meshes, &SceneMesh::shadow_catcher);
 }
@@ -215,9 +251,9 @@ PluginSet default_plugins() {
     PluginSet plugins;
     plugins.schema = scene_schema();
     for (const LightType& light : light_types())
-        plugins.schema.lights.push_back({light.name, light.help, light.params});
+        plugins.schema.lights.push_back({light.name, light.help, with_keyable_numbers(light.params)});
     for (const ShaderDescription& shader : shaders())
-        plugins.schema.materials.push_back({shader.name, shader.help, shader.params});
+        plugins.schema.materials.push_back({shader.name, shader.help, with_keyable_numbers(shader.params)});
     add_library(plugins, "", default_library(), {default_library()});
     return plugins;
 }
@@ -278,13 +314,22 @@ Shot load_shot(const std::string& file, const Overrides& overrides, const std::a
 
     ProblemCollector collect_problems;
     for (const Item& item : description.materials)
-        collect_problems(
-            [&] { shot.materials.push_back(make_material(item.type, item.params, open_texture)); });
+        collect_problems([&] {
+            shot.materials.push_back(make_material(item.type, item.params, open_texture));
+            check_keys(item,
+                       [](const Item& at_key) { make_material(at_key.type, at_key.params, open_texture); });
+        });
     if (shot.materials.size() == description.materials.size())
         collect_problems([&] { resolve_blends(shot); });
     std::vector<LightDescription> suns; // of daylight; appended last, as meshes refer to lights by index
     for (const Item& item : description.lights)
-        collect_problems([&] { shot.lights.push_back(make_light(item, suns, shot.light_warnings)); });
+        collect_problems([&] {
+            shot.lights.push_back(make_light(item, suns, shot.light_warnings));
+            check_keys(item, [&](const Item& at_key) {
+                std::vector<LightDescription> others;
+                make_light(at_key, others, shot.light_warnings);
+            });
+        });
     std::ranges::move(suns, std::back_inserter(shot.lights));
     // A sky takes 0.5 s of a processor, loading the library for images 0.4 s: on two threads they overlap.
     tbb::task_group tasks;
@@ -327,7 +372,9 @@ Shot load_shot(const std::string& file, const Overrides& overrides, const std::a
     return shot;
 }
 
-void select_takes(Shot& shot, double frame) {
+void set_frame(Shot& shot, double frame) {
+    set_keyed_lights(shot, frame);
+    set_keyed_materials(shot, frame);
     GeometryChanges changes;
     for (SceneCurves& curves : shot.geometry.curves)
         if (curves.select_take(frame)) changes[curves.name] = MARRAM_EVERYTHING;

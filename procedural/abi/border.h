@@ -95,6 +95,12 @@ inline void add_placement(Digest& digest, const MarramPlacement* given) {
 inline void add_value(Digest& digest, const MarramValue& value) {
     digest.add(value.name).add(value.text).add(value.numbers, value.number_count * sizeof(double));
     add_placement(digest, value.placement);
+    if (value.keyframes) {
+        const MarramKeyframes keys = known_part(value.keyframes);
+        digest.add(keys.frames, keys.count * sizeof(double))
+            .add(keys.numbers, keys.count * value.number_count * sizeof(double))
+            .add(keys.interpolation);
+    }
     if (const MarramGrid* grid = value.grid)
         digest.add(grid->nx)
             .add(grid->ny)

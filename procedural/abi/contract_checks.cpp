@@ -112,6 +112,29 @@ Fault grid_fault(const MarramTypeForm& form, const MarramValue& value) {
     return {};
 }
 
+Fault keyframes_fault(const MarramParam& param, const MarramTypeForm& form, const MarramValue& value) {
+    if (!param.keyable) return {"has keyframes", "it is constant in time (MarramParam.keyable)"};
+    if (!is_sized(value.keyframes)) return {"has keyframes whose size is 0", "set MarramKeyframes.size"};
+    const MarramKeyframes keys = known_part(value.keyframes);
+    if (keys.count == 0 || !keys.frames || !keys.numbers || !keys.interpolation)
+        return {"has keyframes without frames, numbers or interpolation", "fill them in"};
+    if (!key_interpolation(keys.interpolation))
+        return {fmt::format("has keyframes with the interpolation {}", quoted(keys.interpolation)),
+                fmt::format("give one of {}", key_interpolations)};
+    for (uint32_t i = 0; i < keys.count; ++i) {
+        if (!std::isfinite(keys.frames[i]) || (i > 0 && !(keys.frames[i] > keys.frames[i - 1])))
+            return {fmt::format("has keyframes that do not ascend at {:g}", keys.frames[i]),
+                    "sort them by frame, each frame once"};
+        MarramValue at_key = value;
+        at_key.numbers = keys.numbers + i * value.number_count;
+        if (Fault fault = content_fault(param, form, at_key)) {
+            fault.what = fmt::format("at frame {:g} {}", keys.frames[i], fault.what);
+            return fault;
+        }
+    }
+    return {};
+}
+
 Fault value_fault(const MarramParam& param, const MarramValue& value) {
     const bool type_of_element = std::string_view(param.name) == "type" && value.type == MARRAM_CHOICE;
     if (type_of_element) return {}; // find() has already matched it
@@ -122,6 +145,8 @@ Fault value_fault(const MarramParam& param, const MarramValue& value) {
     if (value.number_count > 0 && !value.numbers) return {"has numbers that are NULL", "point to them"};
     if (!value.text) return {"has a text that is NULL", "give \"\" where there is none"};
     if (Fault fault = content_fault(param, *form, value)) return fault;
+    if (value.keyframes)
+        if (Fault fault = keyframes_fault(param, *form, value)) return fault;
     return form->components > 0 ? grid_fault(*form, value) : Fault{};
 }
 

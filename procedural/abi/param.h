@@ -13,14 +13,14 @@ namespace marram::param {
 constexpr MarramParam without_bounds(const char* name, MarramParamType type, const char* initial,
                                      const char* choices, const char* help, const char* sweep,
                                      const char* sweep_time) {
-    return {name, type, "", initial, 0.0, 0.0, choices, help, sweep, sweep_time};
+    return {name, type, "", initial, 0.0, 0.0, choices, help, sweep, sweep_time, 0};
 }
 
 #define MARRAM_NUMERIC_PARAM(function, type)                                                                 \
     constexpr MarramParam function(const char* name, const char* unit, const char* initial, double minimum,  \
                                    double maximum, const char* help, const char* sweep = "",                 \
                                    const char* sweep_time = "") {                                            \
-        return {name, type, unit, initial, minimum, maximum, "", help, sweep, sweep_time};                   \
+        return {name, type, unit, initial, minimum, maximum, "", help, sweep, sweep_time, 0};                \
     }
 MARRAM_NUMERIC_PARAM(number, MARRAM_NUMBER)
 MARRAM_NUMERIC_PARAM(integer, MARRAM_INTEGER)
@@ -52,5 +52,11 @@ MARRAM_PARAM_WITH(each, mesh, MARRAM_MESH_NAME)   // "each": or a list of names,
 MARRAM_PARAM_WITH(uv, image, MARRAM_IMAGE)        // "uv": may be in UDIM tiles
 MARRAM_PARAM_WITH(columns, table, MARRAM_TABLE)   // "time|speed"
 #undef MARRAM_PARAM_WITH
+
+// The same parameter, whose numbers may have keys.
+constexpr MarramParam keyable(MarramParam param) {
+    param.keyable = 1;
+    return param;
+}
 
 } // namespace marram::param

@@ -30,6 +30,15 @@ class StoredValues {
                 value.grid = &grids_.emplace_back(grid);
             }
             if (value.placement) value.placement = &placements_.emplace_back(known_part(value.placement));
+            if (value.keyframes) {
+                MarramKeyframes keys = known_part(value.keyframes);
+                keys.frames = numbers_.emplace_back(keys.frames, keys.frames + keys.count).data();
+                keys.numbers =
+                    numbers_.emplace_back(keys.numbers, keys.numbers + keys.count * value.number_count)
+                        .data();
+                keys.interpolation = texts_.emplace_back(keys.interpolation).c_str();
+                value.keyframes = &keyframes_.emplace_back(keys);
+            }
             values_.push_back(value);
         }
     }
@@ -47,6 +56,7 @@ class StoredValues {
     std::deque<std::vector<float>> pixels_;
     std::deque<MarramGrid> grids_;
     std::deque<MarramPlacement> placements_;
+    std::deque<MarramKeyframes> keyframes_;
 };
 
 } // namespace marram

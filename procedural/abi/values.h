@@ -3,10 +3,13 @@
 // them.
 #pragma once
 
+#include "core/math/keyframes.h"
+#include "core/math/known_part.h"
 #include "core/math/ramp.h"
 #include "core/math/vec.h"
 #include "core/plugin/marram_plugin.h"
 
+#include <optional>
 #include <span>
 #include <stdexcept>
 #include <string>
@@ -62,6 +65,15 @@ class Values {
     Ramp ramp(std::string_view name) const {
         const MarramValue& value = at(name);
         return Ramp(std::span(value.numbers, value.number_count), value.text);
+    }
+    // Empty if the value is constant or absent.
+    std::optional<Keyframes> keyframes(std::string_view name) const {
+        const MarramValue* value = find(name);
+        if (!value || !value->keyframes) return {};
+        const MarramKeyframes keys = known_part(value->keyframes);
+        return Keyframes{{keys.frames, keys.frames + keys.count},
+                         {keys.numbers, keys.numbers + keys.count * value->number_count},
+                         key_interpolation(keys.interpolation).value_or(KeyInterpolation::linear)};
     }
 
   private:

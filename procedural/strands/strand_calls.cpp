@@ -2,6 +2,7 @@
 #include "procedural/strands/strand_calls.h"
 
 #include "procedural/abi/border.h"
+#include "procedural/wind/keyed_wind.h"
 
 #include <fmt/format.h>
 
@@ -41,7 +42,7 @@ void set_gust_plane_once(const MarramHost& host, const MarramFrame& frame,
         start.fixed = true;
         start.follows_bounds = gusts.num_gusts > 0 && (!gusts.center || !gusts.extent || !gusts.distance);
         start.bounds = bounds;
-        set_gust_plane(gusts, bounds.min(), bounds.max(), wind.direction);
+        set_gust_plane(gusts, bounds.min(), bounds.max(), gust_carrier(wind));
     } else if (bounds.min() != start.bounds.min() || bounds.max() != start.bounds.max()) {
         send(host, MARRAM_WARNING, "gusts.start", "wind.gusts.num_gusts",
              fmt::format(
@@ -104,9 +105,9 @@ void announce_long_work(const MarramHost& host, const char* id, const std::strin
 void warn_of_gusts(const MarramHost& host, const std::string& place, const ChainFrame& chain) {
     constexpr size_t much = size_t(1) << 30;
     // Those of past samples are made later; there are about as many at each.
-    const int64_t past_samples = chain.past_gusts ? chain.window.count() : 0;
+    const int64_t past_samples = chain.past_wind && chain.wind->gusts ? chain.window.count() : 0;
     size_t of_instants = 0;
-    for (const ChainFrame::Instant& instant : chain.instants) of_instants += instant.gusts.bytes();
+    for (const ChainFrame::Instant& instant : chain.instants) of_instants += instant.wind.gusts.bytes();
     const double bytes = double(of_instants) *
                          (1.0 + double(past_samples) / double(std::max<size_t>(chain.instants.size(), 1)));
     if (bytes < double(much)) return;

@@ -34,7 +34,7 @@ void StrandInstance::forget_past() {
     drop_states();
     step_choice.reset();
     last_frame.reset();
-    chain.past_gusts.reset();
+    chain.past_wind.reset();
 }
 
 StrandInstance::KeptState::~KeptState() {
@@ -195,6 +195,7 @@ MarramOutput StrandInstance::begin(LentFrame lent) {
             moving = true;
         else
             read = {};
+        if (past_settings != settings_of_past()) chain.past_wind.reset();
         if (!read.window.same_runs(past.window) || past_settings != settings_of_past()) drop_states();
         past = std::move(read);
         past_settings = settings_of_past();
@@ -203,9 +204,9 @@ MarramOutput StrandInstance::begin(LentFrame lent) {
     time_count = moving ? frame.time_count : 1;
     frame.time_count = time_count;
     const double before = wall_seconds();
-    const std::shared_ptr<PastGusts> past_gusts = chain.past_gusts;
+    const std::shared_ptr<PastWind> past_wind = chain.past_wind;
     chain = {}; // release the last frame's trees before building new ones
-    chain = make_chain(past_gusts.get());
+    chain = make_chain(past_wind.get());
     warn_of_gusts(host, place(), chain);
     gust_bounds = wind.gusts ? bounds() : Eigen::AlignedBox3d();
     const bool skin_moves = moves() || curves_move() || (mesh && mesh->moves != 0) ||

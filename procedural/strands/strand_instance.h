@@ -135,9 +135,9 @@ struct StrandInstance : Instance {
     virtual bool curves_move() const { return false; }      // imported strands, in their file, at any time
     virtual double travel_of_curves() const { return 0.0; } // of those in the last 256 frames, roughly, m
     virtual LongWork work() const = 0; // CVs of the frame, and the remedy if there are many
-    virtual ChainFrame make_chain(PastGusts* earlier) = 0; // `earlier`: of an earlier frame, may be nullptr
-    virtual Eigen::AlignedBox3d bounds() const = 0;        // of all strands, for gusts
-    virtual void finish_frame() {}                         // warnings, and what else the frame needs
+    virtual ChainFrame make_chain(PastWind* earlier) = 0; // `earlier`: of an earlier frame, may be nullptr
+    virtual Eigen::AlignedBox3d bounds() const = 0;       // of all strands, for gusts
+    virtual void finish_frame() {}                        // warnings, and what else the frame needs
     virtual MarramOutput output() = 0;
 
     // ---- Hooks: statistics

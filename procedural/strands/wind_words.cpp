@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "procedural/strands/wind_words.h"
 
+#include "procedural/wind/keyed_wind.h"
+
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cmath>
@@ -48,7 +51,7 @@ std::string direction_text(const Vec3d& direction) {
 std::string gust_text(const Wind& wind, const MarramFrame& frame, const Eigen::AlignedBox3d& strands) {
     const Gusts& gusts = *wind.gusts;
     const Vec2d frames = shot_frames(frame).value_or(Vec2d::Constant(frame.frame));
-    const GustContacts contacts = gusts_touching(gusts, wind.direction, frames, frame.fps, strands);
+    const GustContacts contacts = gusts_touching(gusts, gust_carrier(wind), frames, frame.fps, strands);
     std::string text = "  gusts: ";
     if (gusts.num_gusts > 0) {
         text += fmt::format("{}{}", gusts.num_gusts,
@@ -65,6 +68,15 @@ std::string gust_text(const Wind& wind, const MarramFrame& frame, const Eigen::A
 }
 
 } // namespace
+
+std::vector<std::string> keyed_names(const Wind& wind) {
+    std::vector<std::string> names;
+    for (const KeyedWind::Track& track : wind.keys->tracks) {
+        const std::string name = track.name.substr(track.name.find('.') + 1); // "wind." is said
+        names.push_back(name);
+    }
+    return names;
+}
 
 void warn_of_idle_wind(const MarramHost& host, const Values& given, const Wind& wind) {
     const auto warn = [&](const char* name, const std::string& what, const std::string& remedy) {
@@ -98,7 +110,7 @@ void warn_of_untouching_gusts(const MarramHost& host, const Wind& wind, const Ma
     const std::optional<Vec2d> frames = shot_frames(frame);
     if (!wind.gusts || !frames || !wind_bends(wind) || strands.isEmpty()) return;
     const Gusts& gusts = *wind.gusts;
-    const GustContacts contacts = gusts_touching(gusts, wind.direction, *frames, frame.fps, strands);
+    const GustContacts contacts = gusts_touching(gusts, gust_carrier(wind), *frames, frame.fps, strands);
     const std::string still =
         wind.calm == 0.0 ? ", and wind.calm is 0: without them strands do not move" : "";
     if (gusts.num_gusts > 0 && contacts.counted && contacts.touching == 0)
@@ -122,8 +134,15 @@ void warn_of_untouching_gusts(const MarramHost& host, const Wind& wind, const Ma
 
 std::string wind_summary(const Wind& wind, const MarramFrame& frame, const Eigen::AlignedBox3d& strands) {
     const double response = wind_response(wind);
-    std::string text = fmt::format("wind: towards {}, {:g} m/s, strength {:.3g} of 1 by response\n",
-                                   direction_text(wind.direction), wind.speed, response);
+    const Wind now = wind_at(wind, frame.frame);
+    std::string text =
+        wind.keys
+            ? fmt::format(
+                  "wind: in frame {:g} towards {}, {:g} m/s, strength {:.3g} of 1 by response, {} keyed\n",
+                  frame.frame, direction_text(now.direction), now.speed, wind_response(now),
+                  fmt::join(keyed_names(wind), ", "))
+            : fmt::format("wind: towards {}, {:g} m/s, strength {:.3g} of 1 by response\n",
+                          direction_text(wind.direction), wind.speed, response);
     text += wind.gusts        ? fmt::format("  between gusts: {:.3g} of that (calm)\n", wind.calm)
             : wind.calm < 1.0 ? fmt::format("  calm: {:.3g} of that\n", wind.calm)
                               : "";

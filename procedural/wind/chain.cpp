@@ -24,8 +24,8 @@ std::span<const StageClock::Stage> StageClock::stages() {
 
 size_t ChainFrame::gust_bytes() const {
     size_t sum = 0;
-    for (const Instant& instant : instants) sum += instant.gusts.bytes();
-    if (past_gusts) sum += past_gusts->bytes();
+    for (const Instant& instant : instants) sum += instant.wind.gusts.bytes();
+    if (past_wind) sum += past_wind->bytes();
     return sum;
 }
 
@@ -41,8 +41,7 @@ ChainFrame make_chain_frame(const ChainInput& input) {
         if (wind.shielding || wind.collision) instant.colliders = colliders_at(frame, t);
         if (wind.shielding && wind.shielding->wake_heights)
             instant.obstacle_heights = obstacle_heights(instant.colliders);
-        if (wind.gusts && bends)
-            instant.gusts = gusts_at(*wind.gusts, wind.direction, frame.times[t], frame.fps, input.rest);
+        instant.wind = wind_with_gusts(wind, frame.times[t], frame.fps, bends, input.rest);
     }
     const bool asks_tree =
         wind.collision && (wind.collision->solver == Solver::exact || wind.collision->offset_scale);
@@ -52,10 +51,10 @@ ChainFrame make_chain_frame(const ChainInput& input) {
         ColliderTrees fresh;
         (input.trees ? *input.trees : fresh).build_or_reuse(frame, input.query_bounds, colliders);
     }
-    if (wind.gusts && bends && !chain.window.empty())
-        chain.past_gusts = std::make_shared<PastGusts>(
-            *wind.gusts, wind.direction, PastGusts::Key{frame.fps, wind.jiggle->step, input.rest},
-            chain.window.first, chain.window.last, input.past_gusts);
+    if ((wind.gusts || wind.keys) && bends && !chain.window.empty())
+        chain.past_wind =
+            std::make_shared<PastWind>(wind, PastWind::Key{frame.fps, wind.jiggle->step, input.rest},
+                                       chain.window.first, chain.window.last, input.past_wind);
     return chain;
 }
 
@@ -87,10 +86,9 @@ MARRAM_HOT void scale_envelope(const Ramp& own, Strands& strands) {
     }
 }
 
-// strands.rest -> pose, from the gusts and the noise at `frame` and the shelter in strands.shield.
-void bend_at(const ChainFrame& chain, const GustField* gusts, double frame, Strands& strands,
-             StageClock& clock) {
-    const Wind& wind = *chain.wind;
+// strands.rest -> pose, from the wind at `frame` and the shelter in strands.shield.
+void bend_at(const ChainFrame& chain, const Wind& wind, const GustField* gusts, double frame,
+             Strands& strands, StageClock& clock) {
     {
         const StageTimer timer(clock.gusts);
         std::fill(strands.gust.begin(), strands.gust.end(), VFloat{});
@@ -114,8 +112,8 @@ void bend_at(const ChainFrame& chain, const GustField* gusts, double frame, Stra
 }
 
 void shelter(const ChainFrame& chain, uint32_t time, Strands& strands, StageClock& clock) {
-    const Wind& wind = *chain.wind;
     const ChainFrame::Instant& instant = chain.instants[time];
+    const Wind& wind = *instant.wind.wind;
     const StageTimer timer(clock.shield);
     if (wind.shielding && chain.frame.stage != MARRAM_REST && wind_bends(wind))
         shield(*wind.shielding, wind.direction, instant.colliders, instant.obstacle_heights, strands);
@@ -160,7 +158,8 @@ void jiggle_patch(const ChainFrame& chain, const RestStrandSource& rest_strands,
             rest_strands.at_past_sample(past_sample, past);
         }
         laid_out = past_sample;
-        bend_at(chain, chain.past_gusts ? &chain.past_gusts->at(past_sample) : nullptr,
+        const WindAt* at = chain.past_wind ? &chain.past_wind->at(past_sample) : nullptr;
+        bend_at(chain, at ? *at->wind : wind, at && wind.gusts ? &at->gusts : nullptr,
                 jiggle.frame_of(past_sample), past, inner);
         std::swap(pose, past.pose);
     };
@@ -183,8 +182,7 @@ void jiggle_patch(const ChainFrame& chain, const RestStrandSource& rest_strands,
 void run_chain(const ChainFrame& chain, uint32_t time, Strands& strands, ChainScratch& scratch) {
     const ChainFrame::Instant& instant = chain.instants[time];
     shelter(chain, time, strands, scratch.clock);
-    bend_at(chain, instant.gusts.levels.empty() ? nullptr : &instant.gusts, chain.frame.times[time], strands,
-            scratch.clock);
+    bend_at(chain, *instant.wind.wind, instant.wind.field(), chain.frame.times[time], strands, scratch.clock);
     if (chain.frame.stage != MARRAM_FINAL) return;
     if (chain.window.count() > 0 && !scratch.jiggled[time].empty()) {
         const StageTimer timer(scratch.clock.jiggle);
@@ -196,7 +194,7 @@ void run_chain(const ChainFrame& chain, uint32_t time, Strands& strands, ChainSc
 }
 
 void collide_pose(const ChainFrame& chain, uint32_t time, Strands& strands, ChainScratch& scratch) {
-    const Wind& wind = *chain.wind;
+    const Wind& wind = *chain.instants[time].wind.wind;
     if (!wind.collision || chain.frame.stage != MARRAM_FINAL) return;
     const StageTimer timer(scratch.clock.collide);
     const CollideJob job{&*wind.collision,

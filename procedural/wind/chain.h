@@ -12,7 +12,7 @@
 
 #include "core/math/clock.h"
 #include "procedural/wind/jiggle_filter.h"
-#include "procedural/wind/past_gusts.h"
+#include "procedural/wind/past_wind.h"
 #include "procedural/wind/strands.h"
 #include "procedural/wind/wind.h"
 
@@ -48,11 +48,11 @@ struct ChainFrame {
     struct Instant {
         Colliders colliders;
         std::vector<double> obstacle_heights; // if shielding uses wake_heights
-        GustField gusts;
+        WindAt wind;
     };
-    std::vector<Instant> instants;         // [motion sample]
-    JiggleWindow window;                   // empty: strands do not jiggle
-    std::shared_ptr<PastGusts> past_gusts; // nullptr: without gusts
+    std::vector<Instant> instants;       // [motion sample]
+    JiggleWindow window;                 // empty: strands do not jiggle
+    std::shared_ptr<PastWind> past_wind; // nullptr: without gusts and keys
 
     size_t gust_bytes() const;
 };
@@ -69,8 +69,8 @@ struct ChainInput {
         everywhere(); // contains every strand at every motion sample, in any wind
     Eigen::AlignedBox3d rest =
         everywhere(); // contains every rest CV at every motion sample and past sample of the window
-    ColliderTrees* trees = nullptr;  // of the previous frame; reused if the colliders have not changed
-    PastGusts* past_gusts = nullptr; // of the previous frame; the new one takes over what it has made
+    ColliderTrees* trees = nullptr; // of the previous frame; reused if the colliders have not changed
+    PastWind* past_wind = nullptr;  // of the previous frame; the new one takes over what it has made
 };
 ChainFrame make_chain_frame(const ChainInput& input);
 

@@ -36,8 +36,9 @@ constexpr std::array collision_values = {
                    "number of steps if solver is steps; default: 16", "4|16|64|256", "seconds.collide"),
     param::number("collision.offset_root", "m", "none", 0, max_wind_input,
                   "height of roots above the skin; default: 1 % of the strand's length, at least 1.2 radii"),
-    param::number("collision.offset_scale", "", "none", 0, 10,
-                  "minimum height of a CV above the skin, as a fraction of its rest height; default: none"),
+    param::keyable(param::number(
+        "collision.offset_scale", "", "none", 0, 10,
+        "minimum height of a CV above the skin, as a fraction of its rest height; default: none")),
     param::number("collision.clearance", "m", "none", 0, max_wind_input,
                   "distance that strands keep from meshes; default: their radius"),
 };

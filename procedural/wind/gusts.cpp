@@ -15,6 +15,7 @@
 #include "core/math/hash.h"
 #include "procedural/abi/param.h"
 #include "procedural/abi/ramp_table.h"
+#include "procedural/wind/air_path.h"
 
 #include <algorithm>
 #include <array>
@@ -45,7 +46,10 @@ constexpr std::array gust_values = {
     param::range("gusts.radius_noise_range", "", "[0, 0.3]", 0, max_lumps,
                  "noise on the radius of a gust, as a fraction of the radius; 0: a sphere"),
     param::range("gusts.speed_range", "m/s", "none", 0, max_wind_input,
-                 "slowest and fastest gust; default: the wind's speed"),
+                 "slowest and fastest gust; default: see relative_speed_range"),
+    param::range("gusts.relative_speed_range", "", "none", 0, 100,
+                 "slowest and fastest gust, over the speed of the wind, also of one whose speed has keys; "
+                 "default: 1"),
     param::range("gusts.start_frame_range", "frames", "none", -longest, longest,
                  "when a gust crosses the plane upwind, at full strength; default: any time of the period"),
     param::range("gusts.life_range", "frames", "[120, 240]", 0, longest,
@@ -66,7 +70,7 @@ constexpr std::array gust_values = {
                   "distance of that plane, upwind of the centre; default: just outside these bounds"),
     param::ramp("gusts.ramp", "", smooth_fall, 0, 1,
                 "influence from the centre (0) to the surface (1), where it is 0"),
-    param::number("gusts.strength", "", "1", 0, 10, "scale of the influence of these gusts"),
+    param::keyable(param::number("gusts.strength", "", "1", 0, 10, "scale of the influence of these gusts")),
     param::integer("gusts.seed", "", "0", 0, 2147483647, "seed of the gusts"),
     param::choice(
         "gusts.control[].shape", "sphere", "sphere|box",
@@ -77,8 +81,8 @@ constexpr std::array gust_values = {
         "half sides of the inner box, where the influence is full, as shares of the outer box; default: 0.5"),
     param::ramp("gusts.control[].ramp", "", smooth_fall, 0, 1,
                 "influence from the centre or inner box (0) to the surface (1), where it is 0"),
-    param::number("gusts.control[].strength", "", "1", -10, 10,
-                  "scale of its influence; below 0 it reduces the wind"),
+    param::keyable(param::number("gusts.control[].strength", "", "1", -10, 10,
+                                 "scale of its influence; below 0 it reduces the wind")),
 };
 
 // ---- Reading ----
@@ -126,11 +130,28 @@ void check_period(const Gusts& gusts, const Values& values) {
                          "use fewer, shorter lives or a longer period");
 }
 
+void read_speed(const Values& values, Gusts& gusts) {
+    constexpr const char *own = "wind.gusts.speed_range", *relative = "wind.gusts.relative_speed_range";
+    gusts.speed_is_relative = !values.has(own);
+    if (gusts.speed_is_relative) {
+        gusts.speed = values.has(relative) ? values.range(relative) : Vec2d::Ones();
+        return;
+    }
+    gusts.speed = values.range(own);
+    const std::string place = values.at(own).place;
+    if (values.has(relative))
+        throw SceneFault("gusts.two_speeds", place, "wind.gusts has two speeds",
+                         "keep speed_range or relative_speed_range");
+    if (values.keyframes("wind.speed"))
+        throw SceneFault("gusts.speed_in_keyed_wind", place,
+                         "wind.gusts.speed_range is constant, and wind.speed has keys",
+                         "give relative_speed_range in place of it, such as [0.9, 1.1]");
+}
+
 void read_procedural(const Values& values, Gusts& gusts) {
     gusts.radius = values.range("wind.gusts.radius_range");
     gusts.radius_noise = values.range("wind.gusts.radius_noise_range");
-    gusts.speed = values.has("wind.gusts.speed_range") ? values.range("wind.gusts.speed_range")
-                                                       : Vec2d::Constant(values.number("wind.speed"));
+    read_speed(values, gusts);
     gusts.life = values.range("wind.gusts.life_range");
     gusts.decay = values.range("wind.gusts.decay_range");
     gusts.period = values.number("wind.gusts.period");
@@ -180,12 +201,21 @@ void set_bounds(Influence& influence, const Vec3d& half) {
     influence.upper = influence.center + reach;
 }
 
-struct GustContext { // data shared by all gusts at one time
-    const Gusts& gusts;
-    Vec3d origin; // centre of the plane that they start from
-    Vec3d wind;
+// The plane that gusts start from, across the wind at one time.
+struct GustPlane {
+    Vec3d origin; // its centre
     CrosswindAxes sides;
-    double frame, fps;
+};
+
+GustPlane plane_across(const Gusts& gusts, const Vec3d& w) {
+    return {*gusts.center - *gusts.distance * w, across(w)};
+}
+
+struct GustContext { // data shared by all gusts
+    const Gusts& gusts;
+    const GustCarrier& wind;
+    GustPlane plane; // of all gusts that start while the wind has not changed
+    double fps;
 };
 
 // The influences at one time that overlap a box. `lower` and `upper` bound the centres of all influences,
@@ -223,25 +253,40 @@ DrawnGust draw_gust(const Gusts& gusts, int64_t repetition, uint64_t index) {
     return gust;
 }
 
-// Its place in the plane that gusts start from, relative to the plane's centre.
+// Its place in the plane that it starts from, relative to the plane's centre.
 Vec3d place_across(const Gusts& gusts, const CrosswindAxes& sides, uint64_t key) {
     return sides.level * ((draw(key, Draw::across) - 0.5) * gusts.extent->x()) +
            sides.upright * ((draw(key, Draw::up) - 0.5) * gusts.extent->y());
 }
 
-void add_gust(const GustContext& passage, int64_t repetition, uint64_t index, ActiveInfluences& out) {
+// Its centre at an age in frames, after its start at `born`.
+Vec3d center_of(const GustContext& passage, uint64_t key, double born, double age) {
+    const Gusts& gusts = passage.gusts;
+    const GustCarrier& wind = passage.wind;
+    const double speed = draw(key, Draw::speed, gusts.speed), frame = born + age;
+    if (!wind.path || wind.path->is_steady_until(std::max(born, frame))) {
+        const double unit = !gusts.speed_is_relative ? 1.0 : wind.path ? wind.path->speed(frame) : wind.speed;
+        const double travelled = speed * unit * age / passage.fps;
+        return passage.plane.origin + place_across(gusts, passage.plane.sides, key) +
+               wind.direction * travelled;
+    }
+    const GustPlane plane = plane_across(gusts, wind.path->direction(born));
+    const Vec3d way = wind.path->displacement(frame) - wind.path->displacement(born);
+    return plane.origin + place_across(gusts, plane.sides, key) + way * (speed / passage.fps);
+}
+
+void add_gust(const GustContext& passage, double frame, int64_t repetition, uint64_t index,
+              ActiveInfluences& out) {
     const Gusts& gusts = passage.gusts;
     const DrawnGust gust = draw_gust(gusts, repetition, index);
     const uint64_t key = gust.key;
     const double life = gust.life, fade = gust.fade, radius = gust.radius;
-    const double age = passage.frame - gust.start - double(repetition) * gusts.period;
+    const double age = frame - gust.start - double(repetition) * gusts.period;
     if (!(gust.exists() && -fade < age && age < life)) return;
     const double swell = smooth_step(std::min(1.0, (age + fade) / fade));
     const double decay = smooth_step(std::min(1.0, (life - age) / fade));
-    const Vec3d place = place_across(gusts, passage.sides, key);
-    const double travelled = draw(key, Draw::speed, gusts.speed) * age / passage.fps;
     Influence influence;
-    influence.center = passage.origin + place + passage.wind * travelled;
+    influence.center = center_of(passage, key, gust.start + double(repetition) * gusts.period, age);
     influence.to_unit = Eigen::Matrix3d::Identity() * (1.0 / radius);
     influence.lumps = draw(key, Draw::radius_noise, gusts.radius_noise);
     influence.lump_seed = static_cast<uint32_t>(hash(key, uint64_t(Draw::lump_seed)) >> 32);
@@ -251,16 +296,17 @@ void add_gust(const GustContext& passage, int64_t repetition, uint64_t index, Ac
     out.add(influence);
 }
 
-void add_procedural(const Gusts& gusts, const Vec3d& wind, double frame, double fps, ActiveInfluences& out) {
+void add_procedural(const Gusts& gusts, const GustCarrier& wind, double frame, double fps,
+                    ActiveInfluences& out) {
     if (gusts.num_gusts == 0 || gusts.strength == 0.0) return;
-    const GustContext passage{gusts, *gusts.center - *gusts.distance * wind, wind, across(wind), frame, fps};
+    const GustContext passage{gusts, wind, plane_across(gusts, wind.direction), fps};
     int64_t first = 0, last = 0; // repetitions that may be alive
     if (gusts.period > 0.0) {
         first = int64_t(std::ceil((frame - gusts.start_frame.y() - gusts.life.y()) / gusts.period));
         last = int64_t(std::floor((frame - gusts.start_frame.x() + longest_fade(gusts)) / gusts.period));
     }
     for (int64_t repetition = first; repetition <= last; ++repetition)
-        for (uint32_t i = 0; i < gusts.num_gusts; ++i) add_gust(passage, repetition, i, out);
+        for (uint32_t i = 0; i < gusts.num_gusts; ++i) add_gust(passage, frame, repetition, i, out);
 }
 
 void add_control(const GustControl& control, double frame, ActiveInfluences& out) {
@@ -460,16 +506,22 @@ std::optional<Gusts> read_gusts(const Values& values) {
     return gusts;
 }
 
-void set_gust_plane(Gusts& gusts, const Vec3d& lower, const Vec3d& upper, const Vec3d& wind_direction) {
+void set_gust_plane(Gusts& gusts, const Vec3d& lower, const Vec3d& upper, const GustCarrier& wind) {
     Vec3d middle = 0.5 * lower + 0.5 * upper, half = 0.5 * upper - 0.5 * lower;
     if (!middle.allFinite() || !half.allFinite() || half.minCoeff() < 0.0) middle = half = Vec3d::Zero();
-    const CrosswindAxes sides = across(wind_direction);
     if (!gusts.center) gusts.center = middle;
+    if (wind.path && wind.path->turns()) {
+        if (!gusts.extent) gusts.extent = Vec2d::Constant(2.0 * half.norm());
+        if (!gusts.distance)
+            gusts.distance = (*gusts.center - middle).norm() + half.norm() + gusts.radius.y();
+        return;
+    }
+    const Vec3d& w = wind.direction;
+    const CrosswindAxes sides = across(w);
     if (!gusts.extent)
         gusts.extent = 2.0 * Vec2d(sides.level.cwiseAbs().dot(half), sides.upright.cwiseAbs().dot(half));
     if (!gusts.distance)
-        gusts.distance = (*gusts.center - middle).dot(wind_direction) + wind_direction.cwiseAbs().dot(half) +
-                         gusts.radius.y();
+        gusts.distance = (*gusts.center - middle).dot(w) + w.cwiseAbs().dot(half) + gusts.radius.y();
 }
 
 namespace {
@@ -505,7 +557,7 @@ bool control_touches(const GustControl& control, const Vec2d& frames, const Eige
 
 } // namespace
 
-GustContacts gusts_touching(const Gusts& gusts, const Vec3d& wind_direction, const Vec2d& frames, double fps,
+GustContacts gusts_touching(const Gusts& gusts, const GustCarrier& wind, const Vec2d& frames, double fps,
                             const Eigen::AlignedBox3d& box) {
     constexpr double max_counted = 1e6;
     GustContacts contacts;
@@ -522,8 +574,8 @@ GustContacts gusts_touching(const Gusts& gusts, const Vec3d& wind_direction, con
         first = int64_t(before), last = int64_t(after);
     }
     contacts.counted = gusts.num_gusts <= max_counted;
-    const Vec3d origin = *gusts.center - *gusts.distance * wind_direction;
-    const CrosswindAxes sides = across(wind_direction);
+    const GustContext passage{gusts, wind, plane_across(gusts, wind.direction), fps};
+    const int parts = wind.path ? 16 : 1;
     for (int64_t repetition = first; repetition <= last; ++repetition)
         for (uint32_t i = 0; i < gusts.num_gusts; ++i) {
             const DrawnGust gust = draw_gust(gusts, repetition, i);
@@ -532,12 +584,15 @@ GustContacts gusts_touching(const Gusts& gusts, const Vec3d& wind_direction, con
                          to = std::min(frames.y(), born + gust.life) - born;
             if (!gust.exists() || !(from <= to)) continue;
             ++contacts.passing;
-            const double speed = draw(gust.key, Draw::speed, gusts.speed) / fps;
-            const Vec3d place = origin + place_across(gusts, sides, gust.key);
             const Vec3d reach = Vec3d::Constant(gust.radius);
-            contacts.touching += segment_meets_box(place + wind_direction * (speed * from),
-                                                   place + wind_direction * (speed * to),
-                                                   Eigen::AlignedBox3d(box.min() - reach, box.max() + reach));
+            const Eigen::AlignedBox3d around(box.min() - reach, box.max() + reach);
+            const auto at = [&](int part) {
+                return center_of(passage, gust.key, born, from + (to - from) * part / parts);
+            };
+            bool touches = false;
+            for (int part = 0; part < parts && !touches; ++part)
+                touches = segment_meets_box(at(part), at(part + 1), around);
+            contacts.touching += touches;
         }
     return contacts;
 }
@@ -551,11 +606,11 @@ bool gusts_move(const Gusts& gusts) {
     return sends || std::ranges::any_of(gusts.controls, keyed);
 }
 
-GustField gusts_at(const Gusts& gusts, const Vec3d& wind_direction, double frame, double fps,
+GustField gusts_at(const Gusts& gusts, const GustCarrier& wind, double frame, double fps,
                    const Eigen::AlignedBox3d& within) {
     const double when = std::clamp(frame, -latest_frame, latest_frame);
     ActiveInfluences alive{within};
-    add_procedural(gusts, wind_direction, when, fps, alive);
+    add_procedural(gusts, wind, when, fps, alive);
     for (const GustControl& control : gusts.controls) add_control(control, when, alive);
     GustField field;
     field.influences = sorted_along_curve(alive);

@@ -33,12 +33,20 @@
 //     p = 3  radius_noise = lumps                                p = 7  decay          frames
 //     p = 8  seed of nu: the upper 32 bits of hash(key, 8)
 //
+//     (speed_range absent: relative_speed_range, times the wind's speed)
+//
 // with w the wind's unit direction, a = e_y x w (e_x x w if |w_y| > 0.999) normalised, b = w x a: horizontal
 // and vertical if the wind is horizontal. With age = frame - start_frame - m * period in frames,
 //
 //     C = center - distance * w + offset + w * speed * age / fps,    M = 1 / radius,
 //     weight = strength * s(min(1, (age + d) / d)) * s(min(1, (life - age) / d)),   d = min(max(decay, 1), life)
 //     s(y) = y^2 (3 - 2 y)                                          alive: -d < age < life and life > 0 and 1 / radius is finite.
+//
+// In a wind that has keys, w, a and b are those at the gust's start frame: it leaves from a plane across the wind
+// of its start. It goes with the air, whose displacement is D (air_path.h): w * speed * age / fps becomes
+// factor * (D(now) - D(start)) / fps, factor drawn from relative_speed_range; or, for a gust with a speed of its
+// own, speed * (D1(now) - D1(start)) / fps with D1 that of a wind of 1 m/s. So a gust stands while the wind
+// stops. (speed_range is an error if the wind's speed has keys.)
 //
 // At its start frame a gust is at the plane upwind, at full strength. It fades out over the last d frames of
 // its life: over all of it if decay is longer, and over at least one frame, so that nothing pops. For the
@@ -88,7 +96,8 @@ struct Gusts {
     uint32_t num_gusts = 0;
     Vec2d radius{2.0, 4.0};       // m; this and the following: drawn from [low, high]
     Vec2d radius_noise{0.0, 0.0}; // 0 ... 0.9
-    Vec2d speed{0.0, 0.0};        // m/s
+    Vec2d speed{0.0, 0.0};        // m/s, or relative to the wind's speed
+    bool speed_is_relative = false;
     Vec2d start_frame{0.0, 0.0}, life{0.0, 0.0}, decay{0.0, 0.0};
     double period = 0.0; // frames, 0 or >= 1
     bool redraw = false; // each repetition draws new gusts
@@ -107,10 +116,26 @@ std::span<const MarramParam> gust_params();
 // Reads values named "wind.gusts....". Empty if the scene has no gusts. Throws SceneFault.
 std::optional<Gusts> read_gusts(const Values& values);
 
+class AirPath;
+
+// The wind that gusts go with.
+struct GustCarrier {
+    template <typename Vector>
+    GustCarrier(const Eigen::MatrixBase<Vector>& unit, double metres_a_second = 0.0,
+                const AirPath* keyed = nullptr)
+        : direction(unit), speed(metres_a_second), path(keyed) {}
+    Vec3d direction; // unit
+    double speed;    // of gusts whose speed is relative
+    // nullptr: the wind has the same speed and direction at all times. Else of the air or, for gusts with a speed of
+    // their own, of a wind of 1 m/s.
+    const AirPath* path;
+};
+
 // Sets center, extent and distance if the scene does not give them, from a box that contains all strands.
 // Call it once a shot, with the box at bind_frame, never with the box of the current frame. The plane is
-// placed upwind of the box by the largest radius. A box that is empty or not finite counts as the point 0.
-void set_gust_plane(Gusts& gusts, const Vec3d& lower, const Vec3d& upper, const Vec3d& wind_direction);
+// placed upwind of the box by the largest radius; of its bounding sphere, if the wind has keys and may turn. A
+// box that is empty or not finite counts as the point 0.
+void set_gust_plane(Gusts& gusts, const Vec3d& lower, const Vec3d& upper, const GustCarrier& wind);
 
 // Which gusts touch a box at some time within frames [first, last].
 struct GustContacts {
@@ -118,9 +143,9 @@ struct GustContacts {
     uint64_t passing = 0, touching = 0; // random gusts that live in that time, and those that touch the box
     std::vector<bool> controls;         // [control]: it touches
 };
-// center, extent and distance must be set if num_gusts > 0. Bounds of gusts are tested, of controls at up to
-// 1000 times. Cost: about 0.1 us a gust and repetition.
-GustContacts gusts_touching(const Gusts& gusts, const Vec3d& wind_direction, const Vec2d& frames, double fps,
+// center, extent and distance must be set if num_gusts > 0. Bounds of gusts are tested (where the wind turns,
+// along 16 straight parts of the way), of controls at up to 1000 times. Cost: about 0.1 us a gust and repetition.
+GustContacts gusts_touching(const Gusts& gusts, const GustCarrier& wind, const Vec2d& frames, double fps,
                             const Eigen::AlignedBox3d& box);
 
 // False: the influences are the same at every time.
@@ -153,10 +178,10 @@ struct GustField {
     size_t bytes() const;
 };
 
-// Center, extent and distance must be set if num_gusts > 0 (set_gust_plane). `wind_direction` is unit. Keeps
-// only influences that overlap the box `within`, about 0.3 KB each: add_gusts() gives the same bits for CVs
-// in the box.
-GustField gusts_at(const Gusts& gusts, const Vec3d& wind_direction, double frame, double fps,
+// Center, extent and distance must be set if num_gusts > 0 (set_gust_plane). Keeps only influences that
+// overlap the box `within`, about 0.3 KB each: add_gusts() gives the same bits for CVs in the box. Strengths are
+// those of `gusts`.
+GustField gusts_at(const Gusts& gusts, const GustCarrier& wind, double frame, double fps,
                    const Eigen::AlignedBox3d& within = everywhere());
 
 // strands.gust += the sum of influences at each CV of strands.rest; the caller sets it to 0 first. Returns

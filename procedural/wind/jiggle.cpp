@@ -43,10 +43,12 @@ constexpr int64_t shortest_period = 4;
 constexpr int64_t cubic_reach = 2; // samples after the one before a time that its cubic needs
 
 constexpr std::array jiggle_values = {
-    param::number("jiggle.frequency", "Hz", "none", 0, 1e9,
-                  "natural frequency of the spring where stiffness is 1; 0 or absent: no jiggle"),
-    param::number("jiggle.damping", "", "none", 0, 1e3,
-                  "damping ratio: below 1 strands overshoot, at 0 they never come to rest; default: 0.3"),
+    param::keyable(
+        param::number("jiggle.frequency", "Hz", "none", 0, 1e9,
+                      "natural frequency of the spring where stiffness is 1; 0 or absent: no jiggle")),
+    param::keyable(param::number(
+        "jiggle.damping", "", "none", 0, 1e3,
+        "damping ratio: below 1 strands overshoot, at 0 they never come to rest; default: 0.3")),
     param::ramp("jiggle.stiffness", "", "none", 0, 1e9,
                 "scale of the frequency from root (0) to tip (1); default: [[0, 4], [1, 1]]"),
     param::number("jiggle.step", "frames", "none", 1e-3, 1e3,
@@ -106,7 +108,13 @@ std::optional<Jiggle> read_jiggle(const Values& values) {
         refuse_without_frequency(values);
         return std::nullopt;
     }
-    if (values.number("wind.jiggle.frequency") == 0.0) return std::nullopt; // a groom may switch it off
+    if (values.number("wind.jiggle.frequency") == 0.0) { // a groom may switch it off
+        if (values.keyframes("wind.jiggle.frequency"))
+            refuse(values, "wind.jiggle.frequency",
+                   "jiggle.frequency is 0 at a key: strands would come loose",
+                   "keep it above 0, or fade the wind instead");
+        return std::nullopt;
+    }
     Jiggle jiggle;
     jiggle.place = values.at("wind.jiggle.frequency").place;
     jiggle.frequency = values.number("wind.jiggle.frequency");

@@ -17,6 +17,7 @@
 // The tolerance sets the window: longer than the memory of the oscillator.
 #pragma once
 
+#include "core/math/keyframes.h"
 #include "core/math/ramp.h"
 #include "core/plugin/marram_plugin.h"
 #include "procedural/abi/values.h"
@@ -34,10 +35,13 @@ struct Jiggle {
     double damping = 0.3;   // ratio to critical damping
     Ramp stiffness;         // over u, root to tip: scales the frequency, > 0
     double step = 0.5;      // frames between past samples; 0: to be derived from the tolerance
+    // Of keyed ones. frequency and damping are then the smallest of the keys: the longest memory.
+    std::optional<Keyframes> frequencies, dampings;
     std::optional<double> start_frame;
     double memory = 1024.0; // MB of states that a procedural keeps from frame to frame
     std::string place;      // location of jiggle.frequency in the scene, for error messages
 
+    bool is_keyed() const { return frequencies || dampings; }
     double frame_of(int64_t past_sample) const { return double(past_sample) * step; }
     int64_t sample_before(double frame) const; // the last past sample at or before the frame
 };

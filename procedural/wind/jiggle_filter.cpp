@@ -200,7 +200,7 @@ size_t JiggleState::bytes() const {
 }
 
 double JiggleFilter::radians_at(double u, double samples) const {
-    const double omega = 2.0 * pi * jiggle_.frequency * jiggle_.stiffness(u);
+    const double omega = 2.0 * pi * frequency_ * jiggle_.stiffness(u);
     return omega * (samples * jiggle_.step / fps_);
 }
 
@@ -213,6 +213,8 @@ VDouble JiggleFilter::radians_at(const VDouble& u, double samples) const {
 void JiggleFilter::begin(const Jiggle& jiggle, const JiggleWindow& window, double fps, int cvs, int blocks,
                          std::span<const VDouble> u) {
     jiggle_ = jiggle;
+    frequency_ = jiggle.frequency;
+    damping_ = jiggle.damping;
     window_ = window;
     fps_ = fps;
     cvs_ = cvs;
@@ -224,6 +226,7 @@ void JiggleFilter::begin(const Jiggle& jiggle, const JiggleWindow& window, doubl
     if (!same_everywhere) u_.assign(u.begin(), u.end());
     steps_.resize(levels_ * size_t(cvs));
     wide_steps_.resize(levels_ * u_.size());
+    if (jiggle.is_keyed()) return; // set step by step
     std::vector<Step> levels(levels_);
     WideVector<WideStep> wide_levels(levels_);
     for (int k = 1; k < cvs && u_.empty(); ++k) {
@@ -263,9 +266,35 @@ JiggleFilter::Four JiggleFilter::targets(JiggleState& state, int64_t sample, int
     return found;
 }
 
-void JiggleFilter::advance_by_one_step(JiggleState& state, const BentPoseAt& bent) const {
+// Coefficients of a step of so many samples, with the current frequency and damping.
+void JiggleFilter::set_steps(size_t level, double samples) {
+    for (size_t k = 1; k < size_t(cvs_) && u_.empty(); ++k)
+        steps_[level * size_t(cvs_) + k] =
+            jiggle_step(damping_, radians_at(double(k) / double(cvs_ - 1), samples));
+    for (size_t i = 0; i < u_.size(); ++i)
+        wide_steps_[level * u_.size() + i] = jiggle_step(damping_, radians_at(u_[i], samples), 1.0);
+}
+
+// Takes frequency and damping at the middle of the step of so many samples that begins at the state's. The
+// velocity of a CV is in metres a radian, so it is divided by the frequency.
+void JiggleFilter::begin_step(JiggleState& state, int64_t size) {
+    if (!jiggle_.is_keyed()) return;
+    const double middle = jiggle_.step * (double(state.sample) + 0.5 * double(size));
+    if (jiggle_.dampings) damping_ = jiggle_.dampings->at(middle);
+    if (!jiggle_.frequencies) return;
+    frequency_ = jiggle_.frequencies->at(middle);
+    if (state.frequency > 0.0 && state.frequency != frequency_)
+        for (Wide3d& velocity : state.velocity) velocity = velocity * splat(state.frequency / frequency_);
+    state.frequency = frequency_;
+}
+
+void JiggleFilter::advance_by_one_step(JiggleState& state, const BentPoseAt& bent) {
     const int level = window_.level_at(state.run, state.sample);
     const int64_t size = int64_t{1} << level;
+    if (jiggle_.is_keyed()) {
+        begin_step(state, size);
+        set_steps(size_t(level), double(size));
+    }
     const Four four = targets(state, state.sample, size, bent);
     for (int i = 0; i < blocks_; ++i) {
         const size_t first = size_t(i) * size_t(cvs_);
@@ -293,6 +322,7 @@ void JiggleFilter::advance(JiggleState& state, uint32_t phase, double frame, con
         state.velocity.assign(size, Wide3d{});
         state.run = run;
         state.sample = run.first;
+        state.frequency = 0.0;
     }
     state.begun = false;
     while (state.sample < until) advance_by_one_step(state, bent);
@@ -307,12 +337,13 @@ void JiggleFilter::emit(JiggleState& state, double frame, const Strands& now, co
     const Four four =
         targets(state, state.sample, share > 0.0 ? 1 : 0, bent); // at a sample, its target is enough
     const auto cvs = size_t(cvs_);
+    begin_step(state, 1);
     part_.resize(cvs);
     wide_part_.resize(u_.size());
     for (size_t k = 1; k < cvs && u_.empty(); ++k)
-        part_[k] = jiggle_step(jiggle_.damping, radians_at(double(k) / double(cvs - 1), share), share);
+        part_[k] = jiggle_step(damping_, radians_at(double(k) / double(cvs - 1), share), share);
     for (size_t i = 0; i < u_.size(); ++i)
-        wide_part_[i] = jiggle_step(jiggle_.damping, radians_at(u_[i], share), share);
+        wide_part_[i] = jiggle_step(damping_, radians_at(u_[i], share), share);
     for (int i = 0; i < blocks_; ++i) {
         const size_t first = size_t(i) * cvs;
         const auto emit = [&](const auto* steps) {

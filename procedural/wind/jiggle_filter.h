@@ -7,6 +7,9 @@
 //         filter.emit(state, time, strands at that time, bent, pose);
 //     }
 //
+// Where frequency or damping have keys, a step has those at its middle: the error falls with the square of the
+// step. (A spring whose stiffness changes keeps its velocity.)
+//
 // What it costs: a bent pose for each past sample that the state has not passed yet, and about 4 ns a CV for
 // it.
 #pragma once
@@ -32,6 +35,7 @@ struct JiggleState {
     bool begun = false;
     JiggleRun run;
     int64_t sample = 0;               // of lag and velocity
+    double frequency = 0.0;           // Hz, that velocities refer to, if it has keys
     WideVector<Wide3d> lag, velocity; // [blocks * cvs]
     std::array<Target, 4> targets;    // those read last
     WideVector<VFloat> shield;        // [blocks * cvs]: the shelter that they were bent in
@@ -69,12 +73,15 @@ class JiggleFilter {
   private:
     using Four = std::array<const WideVector<Wide3f>*, 4>;
     Four targets(JiggleState& state, int64_t sample, int64_t size, const BentPoseAt& bent) const;
-    void advance_by_one_step(JiggleState& state, const BentPoseAt& bent) const;
+    void advance_by_one_step(JiggleState& state, const BentPoseAt& bent);
+    void begin_step(JiggleState& state, int64_t size);
+    void set_steps(size_t level, double samples);
     double radians_at(double u, double samples) const;
     VDouble radians_at(const VDouble& u, double samples) const;
 
     Jiggle jiggle_;
     JiggleWindow window_;
+    double frequency_ = 0.0, damping_ = 0.0; // Hz and ratio; with keys, of the current step
     double fps_ = 24.0;
     int cvs_ = 0, blocks_ = 0;
     size_t levels_ = 1;

@@ -25,8 +25,9 @@ namespace marram {
 namespace {
 
 constexpr std::array shielding_values = {
-    param::number("shielding.shield", "", "none", 0, 1,
-                  "share of the wind that a fully sheltered strand loses; absent: no shielding"),
+    param::keyable(
+        param::number("shielding.shield", "", "none", 0, 1,
+                      "share of the wind that a fully sheltered strand loses; absent: no shielding")),
     param::number("shielding.offset", "m", "none", 1e-9, max_wind_input,
                   "distance upwind in which meshes shelter; default: 10 m"),
     param::choice("shielding.shield_per", "none", "curve|cv",

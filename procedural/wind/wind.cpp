@@ -3,6 +3,7 @@
 
 #include "procedural/abi/param.h"
 #include "procedural/noise/wavelet_noise.h"
+#include "procedural/wind/keyed_wind.h"
 
 #include <algorithm>
 #include <array>
@@ -13,35 +14,38 @@ namespace marram {
 namespace {
 
 constexpr std::array own_params = {
-    param::vec3("direction", "", "[1, 0, 0]", -max_wind_input, max_wind_input,
-                "where the air moves to; any length but 0"),
-    param::number("speed", "m/s", "0", 0, max_wind_input,
-                  "moves the noise field and, through response, sets the strength of the bend"),
-    param::number("calm", "", "none", 0, 1,
-                  "background wind, 0 to 1; default: 0 (still air between gusts) if there are gusts, else 1"),
+    param::keyable(param::vec3("direction", "", "[1, 0, 0]", -max_wind_input, max_wind_input,
+                               "where the air moves to; any length but 0")),
+    param::keyable(
+        param::number("speed", "m/s", "0", 0, max_wind_input,
+                      "moves the noise field and, through response, sets the strength of the bend")),
+    param::keyable(param::number(
+        "calm", "", "none", 0, 1,
+        "background wind, 0 to 1; default: 0 (still air between gusts) if there are gusts, else 1")),
     param::ramp("response", "m/s", "[[0, 0], [10, 1]]", -max_wind_input, max_wind_input,
                 "strength of the wind, 0 to 1, over its speed; 0 at speed 0"),
-    param::number("global_rotate", "", "0.6", 0, 1, "scale of each segment's turn towards the wind"),
-    param::ramp("ramp_rotate", "", "[[0, 0.2], [1, 1]]", -max_wind_input, max_wind_input,
-                "scale of the turn from root (0) to tip (1)"),
-    param::number(
+    param::keyable(
+        param::number("global_rotate", "", "0.6", 0, 1, "scale of each segment's turn towards the wind")),
+    param::keyable(param::ramp("ramp_rotate", "", "[[0, 0.2], [1, 1]]", -max_wind_input, max_wind_input,
+                               "scale of the turn from root (0) to tip (1)")),
+    param::keyable(param::number(
         "waviness", "", "1", -1e6, 1e6,
         "advance of the noise sample point along the wind per length of strand; larger: more ripples "
-        "on a strand"),
+        "on a strand")),
     param::integer(
         "reference_segments", "", "4", 0, 100000,
         "number of segments for which the turn is defined, so that the pose does not depend on cvs: it "
         "converges with their square; 4: the talk's strands; 0: those of the strand, the talk to the letter "
         "(7 if cvs = 0)"),
     param::choice("noise.type", "perlin", "perlin|billow|wavelet", "kind of noise field"),
-    param::number("noise.amplitude", "", "0.5", 0, 1e6,
-                  "strength of the noise, relative to the unit wind direction"),
+    param::keyable(param::number("noise.amplitude", "", "0.5", 0, 1e6,
+                                 "strength of the noise, relative to the unit wind direction")),
     param::number("noise.frequency", "1/m", "1", 0, 1e9, "cells a metre"),
     param::integer("noise.octaves", "", "1", 1, 16, "layers of noise, each finer and weaker"),
     param::number("noise.lacunarity", "", "2", 1, 16, "frequency of an octave over that of the one before"),
     param::number("noise.gain", "", "0.5", 0, 1, "strength of an octave over that of the one before"),
-    param::number("noise.evolution", "1/s", "0", -1e6, 1e6,
-                  "rate of change of the field in place, cells a second"),
+    param::keyable(param::number("noise.evolution", "1/s", "0", -1e6, 1e6,
+                                 "rate of change of the field in place, cells a second")),
     param::choice("noise.anchor", "world", "world|rest",
                   "world: sampled where the strand is; rest: where its root is at bind_frame, so that the "
                   "field moves with the surface"),
@@ -115,6 +119,7 @@ Wind read_wind(const Values& values) {
     wind.shielding = read_shielding(values);
     wind.jiggle = read_jiggle(values);
     wind.collision = read_collision(values);
+    read_keys(values, wind);
     return wind;
 }
 
@@ -151,6 +156,7 @@ bool wind_bends(const Wind& wind) {
 }
 
 bool wind_moves(const Wind& wind) {
+    if (wind.keys) return wind_bends(wind);
     const bool travels = wind.speed > 0.0 && wind.noise.frequency > 0.0;
     const bool ripples = wind.noise_amplitude > 0.0 && (travels || wind.evolution != 0.0);
     return wind_bends(wind) && (ripples || (wind.gusts && gusts_move(*wind.gusts)));

@@ -12,10 +12,13 @@
 #include "procedural/wind/jiggle.h"
 #include "procedural/wind/shield.h"
 
+#include <memory>
 #include <optional>
 #include <span>
 
 namespace marram {
+
+struct KeyedWind; // keyed_wind.h
 
 struct Wind {
     Vec3d direction = Vec3d::UnitX(); // unit; points downwind
@@ -37,6 +40,7 @@ struct Wind {
     std::optional<Shielding> shielding;
     std::optional<Jiggle> jiggle; // damped oscillation about the bent pose
     std::optional<Collision> collision;
+    std::shared_ptr<const KeyedWind> keys; // nullptr: the wind has the same numbers at all times
 };
 
 // Parameters of [wind]. Every procedural receives them as "wind.<name>".

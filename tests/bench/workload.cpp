@@ -148,9 +148,9 @@ double Workload::run_frame(double time, std::vector<JiggleState>* kept) {
         jiggle_window(*wind_.jiggle, std::span(&time, 1), frame.fps, 2.0 * longest, tolerance);
     ChainInput input{wind_, whole_, frame, &world_.mesh(0), profile_, MARRAM_BSPLINE, window};
     input.trees = &trees_;
-    input.past_gusts = past_gusts_.get();
+    input.past_wind = past_wind_.get();
     const ChainFrame chain = make_chain_frame(input);
-    past_gusts_ = chain.past_gusts;
+    past_wind_ = chain.past_wind;
     if (kept) kept->resize(rest_[0].size());
     return seconds_of([&] {
         tbb::parallel_for(size_t(0), rest_[0].size(), [&](size_t i) {
@@ -212,7 +212,7 @@ double Workload::run_literally() {
     }
     return seconds_of([&] {
         for (uint32_t t = 0; t < keys_; ++t)
-            blow_literally(wind_, chain_.instants[t].gusts, chain_.instants[t].colliders, literal_[t]);
+            blow_literally(wind_, chain_.instants[t].wind.gusts, chain_.instants[t].colliders, literal_[t]);
     });
 }
 

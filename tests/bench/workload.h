@@ -86,7 +86,7 @@ class Workload {
     double next_frame_ = 24.0, next_literal_frame_ = 24.0;
     std::vector<JiggleState> kept_; // [patch]
     ColliderTrees trees_;
-    std::shared_ptr<PastGusts> past_gusts_;
+    std::shared_ptr<PastWind> past_wind_;
     tbb::enumerable_thread_specific<Thread> threads_;
 };
 

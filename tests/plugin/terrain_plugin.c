@@ -422,8 +422,18 @@ static MarramStatus tessellate(MarramInstance* instance, uint32_t index, const M
 
 #if defined(GROWN) /* built with a header of the future: tests/CMakeLists.txt */
 enum { procedural_count = 3 };
-static const MarramParam future_params[] = {
-    {"wish", MARRAM_FROM_THE_FUTURE, "", "none", 0, 0, "", "what nobody knows today", NULL, NULL, {0, 0, 0}}};
+static const MarramParam future_params[] = {{"wish",
+                                             MARRAM_FROM_THE_FUTURE,
+                                             "",
+                                             "none",
+                                             0,
+                                             0,
+                                             "",
+                                             "what nobody knows today",
+                                             NULL,
+                                             NULL,
+                                             0,
+                                             {0, 0, 0}}};
 #else
 enum { procedural_count = 2 };
 #endif

@@ -2,6 +2,7 @@
 #include "core/shot/scene/scene_camera.h"
 
 #include "core/math/transform.h"
+#include "core/scene/keyed_values.h"
 
 #include <algorithm>
 #include <limits>
@@ -48,7 +49,7 @@ double pixel_distance(const CameraPose& a, const CameraPose& b, const Vec2d& siz
 } // namespace
 
 Camera camera_at(const SceneDescription& description, double frame, double* off) {
-    const ParamSet& params = description.camera;
+    const ParamSet params = values_at(description.camera, frame);
     const Vec3d position = params.vec3("position"), target = params.vec3("target");
     const double distance = (target - position).norm();
     Camera camera;

@@ -62,7 +62,7 @@ std::string scene_summary(Shot& shot, const std::atomic<bool>& cancel) {
                                  : "",
             instances > 0 ? fmt::format(", {} instance{}", instances, instances > 1 ? "s" : "") : "");
     }
-    select_takes(shot, shot.description.globals.vec2("frames").x());
+    set_frame(shot, shot.description.globals.vec2("frames").x());
     for (const SceneCurves& curves : shot.geometry.curves) {
         static constexpr const char* drawn[] = {"B-splines", "Catmull-Rom curves", "polylines"};
         text += fmt::format("curves {}: {} {}, {} CVs in all{}{}\n", curves.name, curves.closed.size(),

@@ -406,7 +406,7 @@ LongWork GroomInstance::work() const {
 
 Eigen::AlignedBox3d GroomInstance::bounds() const { return bounds_at_rest(*this); }
 
-ChainFrame GroomInstance::make_chain(PastGusts* earlier) {
+ChainFrame GroomInstance::make_chain(PastWind* earlier) {
     return make_chain_frame({wind, groom.envelope, frame, mesh, radius_profile, groom.basis, past.window,
                              wind.collision ? bounds_of_strands(*this) : everywhere(),
                              wind.gusts ? bounds_at_rest(*this) : everywhere(), &trees, earlier});

@@ -123,7 +123,7 @@ struct GroomInstance : StrandInstance {
     JigglePilot pilot(double tolerance) const override;
     bool moves() const override { return mesh->time_count > 1 || instances_move(); }
     LongWork work() const override;
-    ChainFrame make_chain(PastGusts* earlier) override;
+    ChainFrame make_chain(PastWind* earlier) override;
     Eigen::AlignedBox3d bounds() const override;
     void finish_frame() override;
     MarramOutput output() override;

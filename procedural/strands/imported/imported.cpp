@@ -340,7 +340,7 @@ JigglePilot ImportInstance::pilot(double tolerance) const {
 
 Eigen::AlignedBox3d ImportInstance::bounds() const { return bounds_of_import(*this); }
 
-ChainFrame ImportInstance::make_chain(PastGusts* earlier) {
+ChainFrame ImportInstance::make_chain(PastWind* earlier) {
     return make_chain_frame({wind,
                              settings.envelope,
                              frame,

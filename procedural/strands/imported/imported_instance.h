@@ -108,7 +108,7 @@ struct ImportInstance : StrandInstance {
     bool curves_move() const override { return curves.curves.moves != 0; }
     double travel_of_curves() const override;
     LongWork work() const override;
-    ChainFrame make_chain(PastGusts* earlier) override;
+    ChainFrame make_chain(PastWind* earlier) override;
     Eigen::AlignedBox3d bounds() const override;
     MarramOutput output() override;
     Bytes bytes() const override;

@@ -1,0 +1,207 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "procedural/wind/keyed_wind.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+namespace marram {
+
+struct KeyableParam {
+    const char* name;
+    void (*set)(Wind& wind, size_t control, std::span<const double> numbers, std::string_view text);
+    // Of a key: the wind's own number is that of the key with the greatest weight. nullptr: the first.
+    double (*weight)(const Wind& wind, std::span<const double> numbers);
+};
+
+namespace {
+
+double value(const Wind&, std::span<const double> numbers) { return numbers[0]; }
+double magnitude(const Wind&, std::span<const double> numbers) { return std::abs(numbers[0]); }
+double smallness(const Wind&, std::span<const double> numbers) { return -numbers[0]; }
+double largest_of_ramp(const Wind&, std::span<const double> numbers) {
+    double most = 0.0;
+    for (size_t i = 1; i < numbers.size(); i += 2) most = std::max(most, numbers[i]);
+    return most;
+}
+double strength(const Wind& wind, std::span<const double> numbers) { return wind.response(numbers[0]); }
+
+// Optional stages may have been removed from a copy of the wind.
+constexpr std::array keyable_params = {
+    KeyableParam{"wind.direction",
+                 [](Wind& wind, size_t, std::span<const double> n, std::string_view) {
+                     wind.direction = renormalised(Vec3d(n.data()));
+                 },
+                 nullptr},
+    KeyableParam{"wind.speed",
+                 [](Wind& wind, size_t, std::span<const double> n, std::string_view) { wind.speed = n[0]; },
+                 strength},
+    KeyableParam{"wind.calm",
+                 [](Wind& wind, size_t, std::span<const double> n, std::string_view) { wind.calm = n[0]; },
+                 value},
+    KeyableParam{
+        "wind.global_rotate",
+        [](Wind& wind, size_t, std::span<const double> n, std::string_view) { wind.global_rotate = n[0]; },
+        value},
+    KeyableParam{"wind.ramp_rotate",
+                 [](Wind& wind, size_t, std::span<const double> n, std::string_view text) {
+                     wind.ramp_rotate = Ramp(n, text);
+                 },
+                 largest_of_ramp},
+    KeyableParam{
+        "wind.waviness",
+        [](Wind& wind, size_t, std::span<const double> n, std::string_view) { wind.waviness = n[0]; },
+        magnitude},
+    KeyableParam{
+        "wind.noise.amplitude",
+        [](Wind& wind, size_t, std::span<const double> n, std::string_view) { wind.noise_amplitude = n[0]; },
+        value},
+    KeyableParam{
+        "wind.noise.evolution",
+        [](Wind& wind, size_t, std::span<const double> n, std::string_view) { wind.evolution = n[0]; },
+        magnitude},
+    KeyableParam{"wind.gusts.strength",
+                 [](Wind& wind, size_t, std::span<const double> n, std::string_view) {
+                     if (wind.gusts) wind.gusts->strength = n[0];
+                 },
+                 value},
+    KeyableParam{"wind.gusts.control[].strength",
+                 [](Wind& wind, size_t control, std::span<const double> n, std::string_view) {
+                     if (wind.gusts) wind.gusts->controls[control].strength = n[0];
+                 },
+                 magnitude},
+    KeyableParam{"wind.shielding.shield",
+                 [](Wind& wind, size_t, std::span<const double> n, std::string_view) {
+                     if (wind.shielding) wind.shielding->shield = n[0];
+                 },
+                 value},
+    KeyableParam{"wind.jiggle.frequency",
+                 [](Wind& wind, size_t, std::span<const double> n, std::string_view) {
+                     if (wind.jiggle) wind.jiggle->frequency = n[0];
+                 },
+                 smallness},
+    KeyableParam{"wind.jiggle.damping",
+                 [](Wind& wind, size_t, std::span<const double> n, std::string_view) {
+                     if (wind.jiggle) wind.jiggle->damping = n[0];
+                 },
+                 smallness},
+    KeyableParam{"wind.collision.offset_scale",
+                 [](Wind& wind, size_t, std::span<const double> n, std::string_view) {
+                     if (wind.collision) wind.collision->offset_scale = n[0];
+                 },
+                 value},
+};
+
+// Makes the directions unit.
+void normalise(const Values& values, Keyframes& directions) {
+    const std::string place = values.at("wind.direction").place;
+    constexpr double opposed = 1e-6; // of 1 + cosine: within 0.08 degrees
+    Vec3d before = Vec3d::Zero();
+    for (size_t i = 0; i < directions.count(); ++i) {
+        const Vec3d given(directions.key(i).data());
+        if (!(given.stableNorm() > 0.0))
+            throw SceneFault("wind.no_direction", place,
+                             fmt::format("the wind's direction is zero at frame {:g}", directions.frames[i]),
+                             "give a vector, such as [1, 0, 0]");
+        const Vec3d unit = given / given.stableNorm();
+        if (1.0 + before.dot(unit) < opposed && directions.interpolation != KeyInterpolation::constant)
+            throw SceneFault(
+                "wind.reversal", place,
+                fmt::format(
+                    "the wind turns round between frames {:g} and {:g}, and nothing says to which side",
+                    directions.frames[i - 1], directions.frames[i]),
+                "add a key on the way, such as a direction across it");
+        std::ranges::copy(unit, directions.numbers.begin() + std::ptrdiff_t(3 * i));
+        before = unit;
+    }
+}
+
+void add_track(const Values& values, const KeyableParam& param, const std::string& name, size_t control,
+               Wind& wind, std::vector<KeyedWind::Track>& tracks) {
+    std::optional<Keyframes> keys = values.keyframes(name);
+    if (!keys) return;
+    if (name == "wind.direction") normalise(values, *keys);
+    KeyedWind::Track& track =
+        tracks.emplace_back(KeyedWind::Track{name, &param, control, std::move(*keys), values.at(name).text});
+    size_t best = 0;
+    for (size_t i = 1; i < track.keys.count() && param.weight; ++i)
+        if (param.weight(wind, track.keys.key(i)) > param.weight(wind, track.keys.key(best))) best = i;
+    param.set(wind, control, track.keys.key(best), track.text);
+}
+
+// Between keys the response may be above that at the keys: at its own knots.
+void take_strongest_speed(const Keyframes& speeds, Wind& wind) {
+    const auto [low, high] = std::ranges::minmax_element(speeds.numbers);
+    for (const double knot : wind.response.positions())
+        if (knot > *low && knot < *high && wind.response(knot) > wind.response(wind.speed)) wind.speed = knot;
+}
+
+// At its keys; read_jiggle() knows the first.
+void check_jiggle(const Values& values, const Wind& wind) {
+    if (!(wind.jiggle->frequency > 0.0))
+        throw SceneFault("jiggle.setting", values.at("wind.jiggle.frequency").place,
+                         "jiggle.frequency is 0 at a key: strands would come loose",
+                         "keep it above 0, or fade the wind instead");
+    if (wind.jiggle->damping == 0.0 && !wind.jiggle->start_frame)
+        throw SceneFault("jiggle.setting", values.at("wind.jiggle.damping").place,
+                         "jiggle.damping is 0 at a key: the oscillation would never decay",
+                         "give jiggle.start_frame, or some damping at all keys");
+}
+
+} // namespace
+
+void read_keys(const Values& values, Wind& wind) {
+    const double speed = wind.speed, evolution = wind.evolution;
+    const Vec3d direction = wind.direction;
+    std::vector<KeyedWind::Track> tracks;
+    for (const KeyableParam& param : keyable_params) {
+        std::string name = param.name;
+        const size_t list = name.find("[].");
+        if (list == std::string::npos) {
+            add_track(values, param, name, 0, wind, tracks);
+            continue;
+        }
+        for (size_t i = 0; wind.gusts && i < wind.gusts->controls.size(); ++i)
+            add_track(values, param, fmt::format("{}[{}].{}", name.substr(0, list), i, name.substr(list + 3)),
+                      i, wind, tracks);
+    }
+    if (tracks.empty()) return;
+    const auto keys_of = [&](std::string_view name) -> std::optional<Keyframes> {
+        for (const KeyedWind::Track& track : tracks)
+            if (name == track.param->name) return track.keys;
+        return {};
+    };
+    if (wind.jiggle) check_jiggle(values, wind);
+    const std::optional<Keyframes> speeds = keys_of("wind.speed"), directions = keys_of("wind.direction");
+    if (speeds) take_strongest_speed(*speeds, wind);
+    if (wind.jiggle) {
+        wind.jiggle->frequencies = keys_of("wind.jiggle.frequency");
+        wind.jiggle->dampings = keys_of("wind.jiggle.damping");
+    }
+    wind.keys = std::make_shared<const KeyedWind>(
+        KeyedWind{std::move(tracks), AirPath(speed, direction, speeds, directions),
+                  AirPath(1.0, direction, {}, directions),
+                  AirPath(evolution, Vec3d::UnitX(), keys_of("wind.noise.evolution"), {})});
+}
+
+GustCarrier gust_carrier(const Wind& wind) {
+    if (!wind.keys) return {wind.direction, wind.speed};
+    const bool relative = !wind.gusts || wind.gusts->speed_is_relative;
+    return {wind.direction, wind.speed, relative ? &wind.keys->air : &wind.keys->course};
+}
+
+Wind wind_at(const Wind& wind, double frame) {
+    Wind now = wind;
+    if (!wind.keys) return now;
+    std::vector<double> numbers;
+    for (const KeyedWind::Track& track : wind.keys->tracks) {
+        numbers.resize(track.keys.numbers_per_key());
+        track.keys.at(frame, numbers);
+        track.param->set(now, track.control, numbers, track.text);
+    }
+    return now;
+}
+
+} // namespace marram

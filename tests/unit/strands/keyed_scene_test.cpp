@@ -1,0 +1,192 @@
+// SPDX-License-Identifier: Apache-2.0
+// Strands in winds whose numbers have keys, through the renderer's host: what a key may change and what not, and
+// that frames stay independent of each other.
+#include "tests/unit/world/build_scene.h"
+
+#include <gtest/gtest.h>
+#include <tbb/global_control.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <map>
+#include <string>
+#include <vector>
+
+namespace marram::testing {
+namespace {
+
+const std::string everything =
+    "gusts = { num_gusts = 30, radius_range = [0.3, 0.8], radius_noise_range = 0.2 }\n"
+    "calm = 0.4\nnoise = { amplitude = 0.5, frequency = 2, octaves = 2 }\n"
+    "shielding = { shield = 0.6, offset = 2 }\n";
+const std::string jiggles = "jiggle = { frequency = 2, damping = 0.3, step = 0.5 }\n";
+
+std::string scene_in(const std::string& wind) {
+    return "\n[wind]\n" + wind + mesh("ball", "sphere") + groom("fur", "ball", "count = 300\ncvs = 6\n");
+}
+
+using Pose = std::vector<float>;
+
+Pose pose_of(TestScene& scene, double frame) {
+    scene.settings.frame = frame;
+    const World world = scene.build();
+    const CurveGeometry& curves = world.curves.front();
+    return {curves.vertices[0], curves.vertices[0] + 4 * curves.curve_count * (curves.cvs_per_curve + 2)};
+}
+Pose pose_in(const std::string& wind, double frame) {
+    TestScene scene(scene_in(wind));
+    return pose_of(scene, frame);
+}
+
+double largest_difference(const Pose& a, const Pose& b) {
+    double most = 0.0;
+    for (size_t i = 0; i < a.size(); ++i) most = std::max(most, std::abs(double(a[i]) - double(b[i])));
+    return most;
+}
+
+// The host's world keeps the pose of one wind; a key that comes later must not reach back. (Jiggle looks two
+// of its steps ahead.)
+TEST(KeyedWind, ChangesNoBitBeforeAKey) {
+    const std::string constant_wind = everything + jiggles + "speed = 3\n";
+    const std::string keyed = everything + jiggles + "speed = { keys = [[24, 3], [25, 6]] }\n";
+    const std::string turned =
+        everything + jiggles + "speed = 3\ndirection = { keys = [[24, [1, 0, 0]], [30, [0, 0, 1]]] }\n";
+    const std::string held =
+        everything + jiggles +
+        "speed = { keys = [[-3, 3], [10, 3], [24, 3], [25, 6]], interpolation = \"smooth\" }\n";
+    const std::string gone_on =
+        everything + jiggles + "speed = { keys = [[1, 2], [12, 5], [24, 3], [26, 3]] }\n";
+    const std::string changed =
+        everything + jiggles + "speed = { keys = [[1, 2], [12, 5], [24, 3], [26, 9]] }\n";
+    for (const double frame : {-20.0, 1.0, 12.25, 20.0, 23.0}) {
+        EXPECT_EQ(pose_in(constant_wind, frame), pose_in(keyed, frame)) << frame;
+        EXPECT_EQ(pose_in(constant_wind, frame), pose_in(held, frame)) << frame;
+        EXPECT_EQ(pose_in(gone_on, frame), pose_in(changed, frame)) << frame;
+    }
+    // A wind that turns sends its gusts over all of the bounding sphere, as it must before it turns, too.
+    EXPECT_GT(largest_difference(pose_in(turned, 40.0), pose_in(constant_wind, 40.0)), 0.01);
+    EXPECT_GT(largest_difference(pose_in(keyed, 26.0), pose_in(constant_wind, 26.0)), 1e-3);
+}
+
+// How far CVs move from one of 64 sub-frames to the next: the largest 99th percentile over some frames. (Of
+// strands that point against the wind, the bend turns some over in any wind.)
+double motion(const std::string& wind, double from, double to) {
+    TestScene scene(scene_in(wind));
+    Pose before = pose_of(scene, from);
+    double most = 0.0;
+    for (int i = 1; i <= 64 * (to - from); ++i) {
+        const Pose now = pose_of(scene, from + i / 64.0);
+        std::vector<double> moves;
+        for (size_t v = 0; v + 3 < now.size(); v += 4)
+            moves.push_back((Vec3f(now.data() + v) - Vec3f(before.data() + v)).cast<double>().norm());
+        std::ranges::nth_element(moves, moves.end() - long(moves.size() / 100));
+        most = std::max(most, *(moves.end() - long(moves.size() / 100)));
+        before = now;
+    }
+    return most;
+}
+
+// At late frames a wind that rode on speed times time would throw noise and gusts about: at frame 2400, a change
+// from 6 to 6.05 m/s in a frame would move them by 5 m.
+TEST(KeyedWind, MovesWithoutJumps) {
+    const double steady = motion(everything + "speed = 8\n", 2399, 2401);
+    const struct {
+        const char *name, *wind;
+        double bound;
+    } cases[] = {
+        {"a breath more", "speed = { keys = [[2399.5, 8], [2400.5, 8.05]] }\n", 1.2},
+        {"doubled", "speed = { keys = [[2399, 4], [2401, 8]] }\n", 2.0},
+        {"full turn in 96 frames",
+         "speed = 8\ndirection = { keys = [[2352, [1, 0, 0]], [2384, [-1, 0, 2]], [2416, [-1, 0, -2]], "
+         "[2448, [1, 0, 0]]] }\n",
+         3.0},
+        {"stops", "speed = { keys = [[2399, 8], [2401, 0]], interpolation = \"smooth\" }\n", 2.0},
+    };
+    for (const auto& one : cases) {
+        const double most = motion(everything + one.wind, 2399, 2401);
+        std::printf("%s: %.2f of the motion of a steady wind of 8 m/s\n", one.name, most / steady);
+        EXPECT_LT(most, one.bound * steady) << one.name;
+    }
+}
+
+TEST(KeyedWind, ThatStopsLeavesStrandsAtRest) {
+    const std::string stops = "speed = { keys = [[1, 6], [24, 6], [30, 0]] }\n" + everything;
+    EXPECT_EQ(pose_in(stops, 31), pose_in(stops, 77.5));
+    const std::string still = everything + "speed = 0\n"; // rest
+    EXPECT_EQ(pose_in(stops, 31), pose_in(still, 31));
+    EXPECT_LT(largest_difference(pose_in(stops + jiggles, 400), pose_in(still, 31)), 1e-6);
+    EXPECT_GT(largest_difference(pose_in(stops + jiggles, 30), pose_in(still, 30)), 1e-3);
+}
+
+// Frames in any order, alone, among sub-frames, in one thread: the same bits.
+TEST(KeyedWind, KeepsFramesIndependent) {
+    const std::string given =
+        "speed = { keys = [[1, 2], [20, 9], [40, 1]], interpolation = \"smooth\" }\n"
+        "direction = { keys = [[1, [1, 0, 0]], [30, [0, 0.3, 1]]] }\n"
+        "calm = { keys = [[1, 0], [30, 0.6]] }\n"
+        "global_rotate = { keys = [[1, 0.2], [30, 0.9]] }\n"
+        "ramp_rotate = { keys = [[1, [[0, 0], [1, 1]]], [30, [[0, 0.5], [1, 0.2]]]] }\n"
+        "waviness = { keys = [[1, 0.5], [30, 2]] }\n"
+        "noise = { amplitude = { keys = [[1, 0], [30, 0.9]] }, evolution = { keys = [[1, 0], [30, 2]] } }\n"
+        "gusts = { num_gusts = 30, radius_range = [0.3, 0.8], strength = { keys = [[1, 1], [30, 3]] }, "
+        "control = [{ strength = { keys = [[1, 0], [30, 1]] } }] }\n"
+        "shielding = { offset = 2, shield = { keys = [[1, 0], [30, 1]] } }\n"
+        "jiggle = { frequency = { keys = [[1, 1], [20, 4]] }, damping = { keys = [[1, 0.3], [30, 0.8]] } }\n"
+        "collision = { solver = \"exact\", offset_scale = { keys = [[1, 0.1], [30, 0.8]] } }\n";
+    const std::vector<double> frames = {7.0, 33.25, 7.5, 12.0, 13.0, 14.0, 40.0, 7.0, 13.0};
+    TestScene one_after_the_other(scene_in(given));
+    std::map<double, Pose> alone;
+    for (const double frame : frames) {
+        const Pose pose = pose_of(one_after_the_other, frame);
+        if (!alone.contains(frame)) {
+            const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, 1);
+            alone[frame] = pose_in(given, frame);
+        }
+        EXPECT_EQ(pose, alone.at(frame)) << frame;
+    }
+    // An update from and to a keyed wind.
+    TestScene updated(scene_in(everything + jiggles + "speed = 5\n"));
+    pose_of(updated, 13.0);
+    updated.update(scene_in(given));
+    EXPECT_EQ(pose_of(updated, 13.0), alone.at(13.0));
+}
+
+TEST(KeyedWind, SaysWhatIsWrong) {
+    const auto problems = [](const std::string& wind) -> std::string {
+        try {
+            TestScene scene(scene_in(wind));
+            return scene.build_errors();
+        } catch (const InputError& error) {
+            std::string all;
+            for (const Problem& problem : error.problems) all += to_string(problem) + "\n";
+            return all;
+        }
+    };
+    const std::pair<const char*, const char*> cases[] = {
+        {"speed = { keys = [] }", "wind.speed.keys is an empty list"},
+        {"speed = { keys = [[1, 2], [1, 3]] }", "the frame of key 2 of wind.speed does not ascend"},
+        {"speed = { keys = [[1, -2]] }", "the value of key 1 of wind.speed is -2"},
+        {"speed = { keys = [[1, 2, 3]] }", "key 1 of wind.speed is a list of 3"},
+        {"speed = { keys = [[1, 2]], interpolation = \"cubic\" }", "wind.speed.interpolation"},
+        {"speed = { keys = [[1, 2]], extra = 3 }", "wind.speed.extra is unknown"},
+        {"noise = { seed = { keys = [[1, 2]] } }", "wind.noise.seed has keys, and is the same at all frames"},
+        {"direction = { keys = [[1, [1, 0, 0]], [9, [-2, 0, 0]]] }",
+         "the wind turns round between frames 1 and 9"},
+        {"direction = { keys = [[1, [1, 0, 0]], [9, [0, 0, 0]]] }",
+         "the wind's direction is zero at frame 9"},
+        {"ramp_rotate = { keys = [[1, [[0, 1]]], [5, [[0, 1], [1, 2]]]] }",
+         "has other knots than the first key"},
+        {"jiggle = { frequency = { keys = [[1, 2], [9, 0]] } }", "jiggle.frequency is 0 at a key"},
+        {"jiggle = { frequency = { keys = [[1, 0], [9, 2]] } }", "jiggle.frequency is 0 at a key"},
+        {"jiggle = { frequency = 2, damping = { keys = [[1, 0.2], [9, 0]] } }",
+         "jiggle.damping is 0 at a key"},
+        {"speed = { keys = [[1, 2], [9, 3]] }\ngusts = { num_gusts = 3, speed_range = 3 }",
+         "wind.gusts.speed_range is constant, and wind.speed has keys"},
+    };
+    for (const auto& [wind, message] : cases)
+        EXPECT_NE(problems(wind).find(message), std::string::npos) << wind << "\n" << problems(wind);
+}
+
+} // namespace
+} // namespace marram::testing

@@ -80,13 +80,7 @@ constexpr std::array rock_values = {
 const std::vector<MarramParam>& RockDeclaration::params() {
     static const std::vector<MarramParam> params = [] {
         std::vector<MarramParam> list(rock_values.begin(), rock_values.end());
-        for (const MarramParam& param : wind_params())
-            for (const auto& [name, full] :
-                 {std::pair("direction", "wind.direction"), std::pair("speed", "wind.speed")})
-                if (std::string_view(param.name) == name) {
-                    list.push_back(param);
-                    list.back().name = full;
-                }
+        add_constant_wind(list);
         return list;
     }();
     return params;

@@ -57,15 +57,10 @@ const std::vector<MarramParam>& TerrainInstance::params() {
                           "seconds.procedural_meshes"),
             param::integer("seed", "", "0", 0, 1e9, "of all its random numbers"),
         };
-        for (const MarramParam& param : wind_params())
-            for (const auto& [name, full] :
-                 {std::pair("direction", "wind.direction"), std::pair("speed", "wind.speed")})
-                if (std::string_view(param.name) == name) {
-                    list.push_back(param);
-                    list.back().name = full;
-                    if (std::string_view(name) == "speed")
-                        list.back().help = "10 m above the ground: what moves the sand of a dune_solver";
-                }
+        add_constant_wind(list);
+        list.back().help = "10 m above the ground: what moves the sand of a dune_solver";
+        list.push_back(param::table("wind.record", "none", "time|speed|direction",
+                                    "CSV of a measured wind, of a dune_solver whose wind is \"record\""));
         return list;
     }();
     return params;

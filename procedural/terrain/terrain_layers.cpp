@@ -166,6 +166,7 @@ void set_layers(TerrainInstance& instance, const MarramFrame& frame, std::span<c
         .add(wind.data(), 2 * sizeof(double))
         .add(&speed, sizeof speed)
         .add(seed);
+    if (const MarramValue* record = values.find("wind.record")) add_value(shared, *record);
     std::vector<StackLayer> layers;
     std::vector<std::string> masks;
     for (int k = 0; k < layer_count(values); ++k) {
@@ -183,6 +184,7 @@ void set_layers(TerrainInstance& instance, const MarramFrame& frame, std::span<c
             context.frame = frame.frame;
             context.wind_speed = speed;
             context.simulation = &instance.simulation;
+            context.record = values.find("wind.record");
             context.scene = frame.colliders;
             context.curves = [&](std::string_view name) {
                 return drawn_curves(frame, name, own.place("type"));

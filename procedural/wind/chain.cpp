@@ -96,13 +96,14 @@ void bend_at(const ChainFrame& chain, const Wind& wind, const GustField* gusts, 
     }
     const StageTimer timer(clock.bend);
     const double response = chain.frame.stage == MARRAM_REST ? 0.0 : wind_response(wind);
+    const Ramp& envelope = wind.point_envelope ? *wind.point_envelope : *chain.point_envelope;
     std::vector<float> own(size_t(strands.cvs), float(response));
     for (int k = 0; k < strands.cvs && !strands.irregular; ++k) {
         const double u = double(k) / double(strands.cvs - 1);
-        own[size_t(k)] = float(std::clamp((*chain.point_envelope)(u), 0.0, 1.0) * response);
+        own[size_t(k)] = float(std::clamp(envelope(u), 0.0, 1.0) * response);
     }
     set_envelope(wind, own.data(), strands);
-    if (strands.irregular) scale_envelope(*chain.point_envelope, strands);
+    if (strands.irregular) scale_envelope(envelope, strands);
     if (response > 0.0 && wind_bends(wind)) {
         bend(wind, frame, chain.frame.fps, strands);
     } else {

@@ -40,7 +40,7 @@ struct StageClock {
 // Data shared by all patches of a frame; made once a frame. Holds pointers to data of the caller.
 struct ChainFrame {
     const Wind* wind = nullptr;
-    const Ramp* point_envelope = nullptr; // envelope of the groom, over u
+    const Ramp* point_envelope = nullptr; // envelope of the groom, over u, unless the wind has it
     MarramFrame frame{};
     const MarramMesh* skin = nullptr;      // nullptr: strands grow on no mesh
     std::span<const float> radius_profile; // [cvs], of a strand of width 1; used if strands are not irregular

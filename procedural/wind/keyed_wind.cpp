@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "procedural/wind/keyed_wind.h"
 
+#include "procedural/wind/measured_wind.h"
+
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -10,7 +12,7 @@
 namespace marram {
 
 struct KeyableParam {
-    const char* name;
+    std::string_view name;
     void (*set)(Wind& wind, size_t control, std::span<const double> numbers, std::string_view text);
     // Of a key: the wind's own number is that of the key with the greatest weight. nullptr: the first.
     double (*weight)(const Wind& wind, std::span<const double> numbers);
@@ -87,6 +89,11 @@ constexpr std::array keyable_params = {
                      if (wind.jiggle) wind.jiggle->damping = n[0];
                  },
                  smallness},
+    KeyableParam{"envelope", // of a groom
+                 [](Wind& wind, size_t, std::span<const double> n, std::string_view text) {
+                     wind.point_envelope = Ramp(n, text);
+                 },
+                 largest_of_ramp},
     KeyableParam{"wind.collision.offset_scale",
                  [](Wind& wind, size_t, std::span<const double> n, std::string_view) {
                      if (wind.collision) wind.collision->offset_scale = n[0];
@@ -118,17 +125,34 @@ void normalise(const Values& values, Keyframes& directions) {
     }
 }
 
-void add_track(const Values& values, const KeyableParam& param, const std::string& name, size_t control,
-               Wind& wind, std::vector<KeyedWind::Track>& tracks) {
-    std::optional<Keyframes> keys = values.keyframes(name);
-    if (!keys) return;
-    if (name == "wind.direction") normalise(values, *keys);
+// What the readers of ramps check of the first key.
+void check_ramp(const Values& values, const std::string& name, const Keyframes& keys) {
+    const bool envelope = name == "envelope";
+    if (!envelope && name != "wind.ramp_rotate") return;
+    for (size_t i = 1; i < keys.numbers.size(); i += 2)
+        if (keys.numbers[i] < 0.0 || (envelope && keys.numbers[i] > 1.0))
+            throw SceneFault("wind.ramp_range", values.at(name).place,
+                             fmt::format("{} leaves {} at a key", name, envelope ? "0 ... 1" : "0 and more"),
+                             "keep its values inside");
+}
+
+void add_track(const KeyableParam& param, const std::string& name, size_t control, Keyframes keys,
+               std::string text, Wind& wind, std::vector<KeyedWind::Track>& tracks) {
     KeyedWind::Track& track =
-        tracks.emplace_back(KeyedWind::Track{name, &param, control, std::move(*keys), values.at(name).text});
+        tracks.emplace_back(KeyedWind::Track{name, &param, control, std::move(keys), std::move(text)});
     size_t best = 0;
     for (size_t i = 1; i < track.keys.count() && param.weight; ++i)
         if (param.weight(wind, track.keys.key(i)) > param.weight(wind, track.keys.key(best))) best = i;
     param.set(wind, control, track.keys.key(best), track.text);
+}
+
+void add_given(const Values& values, const KeyableParam& param, const std::string& name, size_t control,
+               Wind& wind, std::vector<KeyedWind::Track>& tracks) {
+    std::optional<Keyframes> keys = values.keyframes(name);
+    if (!keys) return;
+    if (name == "wind.direction") normalise(values, *keys);
+    check_ramp(values, name, *keys);
+    add_track(param, name, control, std::move(*keys), values.at(name).text, wind, tracks);
 }
 
 // Between keys the response may be above that at the keys: at its own knots.
@@ -150,6 +174,35 @@ void check_jiggle(const Values& values, const Wind& wind) {
                          "give jiggle.start_frame, or some damping at all keys");
 }
 
+// The measured wind, as tracks of speed and direction.
+void add_record(const Values& values, Wind& wind, std::vector<KeyedWind::Track>& tracks) {
+    constexpr const char *name = "wind.record", *frames = "wind.record_frames", *id = "wind.record";
+    if (!values.has(name)) {
+        if (values.has(frames))
+            throw SceneFault(id, values.at(frames).place, "wind.record_frames has no effect without wind.record",
+                             "give record = \"FILE.csv\"");
+        return;
+    }
+    const std::string place = values.at(name).place;
+    if (wind.speed != 0.0 || values.keyframes("wind.speed") || values.keyframes("wind.direction"))
+        throw SceneFault(id, place, "wind.record and another speed or direction are given",
+                         "keep one of them");
+    if (!values.has(frames))
+        throw SceneFault(id, place, "wind.record needs the frames at which it begins and ends",
+                         "add record_frames = [first, last]");
+    const Vec2d range = values.range(frames);
+    if (!(range.x() < range.y()))
+        throw SceneFault(id, values.at(frames).place, "wind.record_frames has no length",
+                         "give two different frames");
+    MeasuredKeys keys = keys_of(read_measured_wind(values.at(name), id, place), range.x(), range.y());
+    const auto add = [&](std::string_view param, Keyframes& of) {
+        const auto row = std::ranges::find(keyable_params, param, &KeyableParam::name);
+        add_track(*row, std::string(row->name), 0, std::move(of), "", wind, tracks);
+    };
+    add("wind.direction", keys.directions);
+    add("wind.speed", keys.speeds);
+}
+
 } // namespace
 
 void read_keys(const Values& values, Wind& wind) {
@@ -157,16 +210,17 @@ void read_keys(const Values& values, Wind& wind) {
     const Vec3d direction = wind.direction;
     std::vector<KeyedWind::Track> tracks;
     for (const KeyableParam& param : keyable_params) {
-        std::string name = param.name;
+        std::string name(param.name);
         const size_t list = name.find("[].");
         if (list == std::string::npos) {
-            add_track(values, param, name, 0, wind, tracks);
+            add_given(values, param, name, 0, wind, tracks);
             continue;
         }
         for (size_t i = 0; wind.gusts && i < wind.gusts->controls.size(); ++i)
-            add_track(values, param, fmt::format("{}[{}].{}", name.substr(0, list), i, name.substr(list + 3)),
+            add_given(values, param, fmt::format("{}[{}].{}", name.substr(0, list), i, name.substr(list + 3)),
                       i, wind, tracks);
     }
+    add_record(values, wind, tracks);
     if (tracks.empty()) return;
     const auto keys_of = [&](std::string_view name) -> std::optional<Keyframes> {
         for (const KeyedWind::Track& track : tracks)

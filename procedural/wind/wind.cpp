@@ -24,6 +24,10 @@ constexpr std::array own_params = {
         "background wind, 0 to 1; default: 0 (still air between gusts) if there are gusts, else 1")),
     param::ramp("response", "m/s", "[[0, 0], [10, 1]]", -max_wind_input, max_wind_input,
                 "strength of the wind, 0 to 1, over its speed; 0 at speed 0"),
+    param::table("record", "none", "time|speed|direction",
+                 "CSV of a measured wind in place of speed and direction: columns time (h), speed (m/s), direction "
+                 "(deg from north, -z, from which); needs record_frames"),
+    param::range("record_frames", "frames", "none", -1e6, 1e6, "frames of the record's first and last row"),
     param::keyable(
         param::number("global_rotate", "", "0.6", 0, 1, "scale of each segment's turn towards the wind")),
     param::keyable(param::ramp("ramp_rotate", "", "[[0, 0.2], [1, 1]]", -max_wind_input, max_wind_input,
@@ -67,6 +71,16 @@ std::span<const MarramParam> wind_params() {
         return list;
     }();
     return all;
+}
+
+void add_constant_wind(std::vector<MarramParam>& list) {
+    for (const auto& [name, full] :
+         {std::pair("direction", "wind.direction"), std::pair("speed", "wind.speed")}) {
+        MarramParam param = *std::ranges::find(wind_params(), std::string_view(name), &MarramParam::name);
+        param.name = full;
+        param.keyable = 0;
+        list.push_back(param);
+    }
 }
 
 Wind read_wind(const Values& values) {

@@ -15,6 +15,7 @@
 #include <memory>
 #include <optional>
 #include <span>
+#include <vector>
 
 namespace marram {
 
@@ -41,10 +42,15 @@ struct Wind {
     std::optional<Jiggle> jiggle; // damped oscillation about the bent pose
     std::optional<Collision> collision;
     std::shared_ptr<const KeyedWind> keys; // nullptr: the wind has the same numbers at all times
+    std::optional<Ramp> point_envelope;    // of the groom, over u, if it has keys
 };
 
 // Parameters of [wind]. Every procedural receives them as "wind.<name>".
 std::span<const MarramParam> wind_params();
+
+// Appends wind.direction and wind.speed, which then cannot have keys: for procedurals whose wind is the same at
+// all times.
+void add_constant_wind(std::vector<MarramParam>& list);
 
 // Throws SceneFault for errors that the range checks of single values cannot find.
 Wind read_wind(const Values& values);

@@ -45,6 +45,7 @@ ParsedGroom parse(const MarramHost& host, std::span<const MarramValue> list) {
     ParsedGroom parsed;
     parsed.groom = read_groom(given);
     parsed.wind = read_wind(given);
+    if (parsed.wind.point_envelope) parsed.groom.envelope = *parsed.wind.point_envelope;
     warn_invisible_strands(host, given, parsed.groom);
     warn_of_ignored(host, given, parsed.groom);
     warn_of_idle_wind(host, given, parsed.wind);

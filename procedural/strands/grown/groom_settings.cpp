@@ -102,8 +102,8 @@ constexpr std::array groom_values = {
                   "B-spline is smoother; Catmull-Rom passes through its CVs"),
     param::choice("shape", "round", "round|ribbon|oriented-ribbon",
                   "tube; flat, facing the camera; or flat, with an orientation of its own"),
-    param::ramp("envelope", "", "[[0, 1]]", -embree_limit, embree_limit,
-                "share of the wind from root to tip"),
+    param::keyable(param::ramp("envelope", "", "[[0, 1]]", -embree_limit, embree_limit,
+                "share of the wind from root to tip")),
     param::integer("seed", "", "0", 0, 2147483647, "seed of the groom"),
 };
 

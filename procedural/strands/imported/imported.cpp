@@ -64,6 +64,7 @@ void ImportInstance::take(std::span<const MarramValue> list) {
                          "' is not taken over: the wind computes one of that name",
                      "rename it in the file where it is needed");
     Wind blown = read_wind(given);
+    if (blown.point_envelope) read.envelope = *blown.point_envelope;
     if (read.mesh.empty() && blown.collision && blown.collision->offset_scale)
         throw SceneFault("strands.no_skin", given.at("curves").place,
                          "wind.collision.offset_scale needs the skin that strands grow on",

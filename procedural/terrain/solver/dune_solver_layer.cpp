@@ -76,6 +76,7 @@
 #include "procedural/terrain/obstacle.h"
 #include "procedural/terrain/simulation.h"
 #include "procedural/terrain/wind_field.h"
+#include "procedural/wind/measured_wind.h"
 
 #include <fmt/format.h>
 
@@ -304,54 +305,22 @@ double dune_shear_velocity(const LayerContext& context) {
     return shear_velocity_of(speed);
 }
 
-// A column's name without its unit, "speed" of "speed (m/s)" or "speed [m/s]", and the unit; "" if it has
-// none.
-std::pair<std::string_view, std::string_view> name_and_unit(std::string_view header) {
-    const auto trimmed = [](std::string_view text) {
-        text.remove_prefix(std::min(text.find_first_not_of(' '), text.size()));
-        return text.substr(0, text.find_last_not_of(' ') + 1);
-    };
-    const size_t open = std::min(header.find_first_of("(["), header.size());
-    const std::string_view unit = header.substr(std::min(open + 1, header.size()));
-    return {trimmed(header.substr(0, open)), trimmed(unit.substr(0, unit.find_last_of(")]")))};
-}
-
 // Reads the record's columns by name; time in seconds.
 WindRecord dune_record(const LayerContext& context) {
     const LayerValues& values = context.values;
-    const std::string place = values.place(values.has("record") ? "record" : "wind");
-    if (!values.has("record"))
+    const bool own = values.has("record");
+    const std::string place = own                 ? values.place("record")
+                              : context.record    ? context.record->place
+                                                  : values.place("wind");
+    if (!own && !context.record)
         throw SceneFault("terrain.wind_record", place, "a recorded wind has no record",
-                         "give record = \"FILE.csv\"");
-    const MarramValue& value = values.at("record");
-    const MarramGrid& grid = *value.grid;
-    std::vector<std::string> names;
-    for (std::string_view text = value.text; !text.empty();) {
-        const size_t comma = std::min(text.find(','), text.size());
-        names.emplace_back(text.substr(0, comma));
-        text.remove_prefix(std::min(comma + 1, text.size()));
-    }
-    constexpr const char* needed = "it needs time (h), speed (m/s) and direction (deg)";
-    const auto column = [&](std::string_view name, std::initializer_list<std::string_view> units) {
-        const auto found = std::ranges::find(
-            names, name, [](const std::string& header) { return name_and_unit(header).first; });
-        if (found == names.end())
-            throw SceneFault("terrain.wind_record", place,
-                             fmt::format("the record has no column '{}', but {}", name, value.text), needed);
-        const std::string_view unit = name_and_unit(*found).second;
-        if (!unit.empty() && std::ranges::find(units, unit) == units.end())
-            throw SceneFault("terrain.wind_record", place,
-                             fmt::format("the record's column '{}' is in another unit", *found), needed);
-        std::vector<double> list(grid.ny);
-        for (uint32_t row = 0; row < grid.ny; ++row)
-            list[row] = double(grid.values[size_t(row) * grid.nx + size_t(found - names.begin())]);
-        return list;
-    };
-    WindRecord record{column("time", {"h", "hours"}), column("speed", {"m/s"}),
-                      column("direction", {"deg", "degrees", "\u00b0"})};
+                         "give record = \"FILE.csv\", or wind.record to the scene");
+    const MeasuredWind measured =
+        read_measured_wind(own ? values.at("record") : *context.record, "terrain.wind_record", place);
+    WindRecord record{measured.time, measured.speed, measured.from};
     // Of the table's numbers, hours.
-    const double resolution = std::max(std::abs(record.time.front()), std::abs(record.time.back())) * 0x1p-23;
-    for (double& time : record.time) time *= seconds_per_hour;
+    const double resolution =
+        std::max(std::abs(record.time.front()), std::abs(record.time.back())) * 0x1p-23 / seconds_per_hour;
     std::vector<double> intervals;
     for (size_t k = 1; k < record.time.size(); ++k) intervals.push_back(record.time[k] - record.time[k - 1]);
     std::vector<double> sorted = intervals;
@@ -364,9 +333,6 @@ WindRecord dune_record(const LayerContext& context) {
             fmt::format("the record's times are known to {:.2g} h only, as they are up to {:.0f} h",
                         resolution, resolution * 0x1p23),
             "count hours from the beginning of the record, or use a part of it");
-    const std::string problem = wind_record_problem(record);
-    if (!problem.empty())
-        throw SceneFault("terrain.wind_record", place, "the record: " + problem, "correct the file");
     const auto longest = std::max_element(intervals.begin(), intervals.end());
     if (*longest > 10.0 * usual * seconds_per_hour && context.warn)
         context.warn(

@@ -90,23 +90,6 @@ WindHistory chaotic_wind(const ChaoticWind& chaos) {
     };
 }
 
-std::string wind_record_problem(const WindRecord& record) {
-    if (record.time.size() != record.speed.size() || record.time.size() != record.from.size())
-        return "time, speed and direction differ in length";
-    if (record.time.size() < 2) return "needs two entries";
-    if (!(record.z0 > 0.0) || !(record.z0 < 10.0)) return "z0 must be above 0 and below 10 m";
-    for (size_t k = 0; k < record.time.size(); ++k) {
-        const std::string entry = "entry " + std::to_string(k + 1) + ": ";
-        if (!std::isfinite(record.time[k]) || !std::isfinite(record.from[k])) return entry + "not a number";
-        if (!(record.speed[k] >= 0.0) || !std::isfinite(record.speed[k]))
-            return entry + "speed below 0, or not a number";
-        if (record.speed[k] > 150.0) return entry + "speed above 150 m/s";
-        if (std::abs(record.from[k]) > 720.0) return entry + "direction beyond 720 degrees";
-        if (k > 0 && !(record.time[k] > record.time[k - 1])) return entry + "time does not ascend";
-    }
-    return {};
-}
-
 double last_duration(const WindRecord& record) {
     const size_t count = record.time.size();
     return count > 1 ? record.time[count - 1] - record.time[count - 2] : seconds_per_hour;

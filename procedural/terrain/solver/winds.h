@@ -58,8 +58,6 @@ struct WindRecord {
     std::vector<double> from;  // degrees clockwise from north
     double z0 = 1e-3;          // metres
 };
-// The problem with a record, or "".
-std::string wind_record_problem(const WindRecord& record);
 double
 last_duration(const WindRecord& record); // seconds that the last entry blows: as long as the one before
 WindHistory recorded_wind(const WindRecord& record);

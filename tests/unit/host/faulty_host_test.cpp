@@ -20,6 +20,8 @@ struct WrongValues {
     std::vector<MarramValue> list;
     std::vector<double> numbers;
     std::string text;
+    std::vector<double> key_frames, key_numbers;
+    MarramKeyframes keys{};
     MarramValues lent{};
     std::string what;
 };
@@ -109,6 +111,24 @@ bool spoil(const ProceduralType& type, WrongValues& wrong, size_t index, int fau
         if (value.type == MARRAM_RAMP && wrong.numbers.size() < 4) return false;
         std::swap(wrong.numbers[0], wrong.numbers[value.type == MARRAM_RANGE ? 1 : 2]);
         break;
+    case 14: // keys
+    case 15:
+    case 16:
+    case 17:
+    case 18:
+    case 19:
+        if (!param || (fault > 14) != (param->keyable != 0)) return false;
+        wrong.key_frames = {1.0, 9.0};
+        wrong.key_numbers = wrong.numbers;
+        wrong.key_numbers.insert(wrong.key_numbers.end(), wrong.numbers.begin(), wrong.numbers.end());
+        wrong.keys = {sizeof(MarramKeyframes), 2, wrong.key_frames.data(), wrong.key_numbers.data(), "linear"};
+        value.keyframes = &wrong.keys;
+        if (fault == 15) wrong.key_frames[1] = 1.0; // twice
+        if (fault == 16) wrong.key_numbers.back() = std::nan("");
+        if (fault == 17) wrong.keys.interpolation = "cubic";
+        if (fault == 18) wrong.keys.frames = nullptr;
+        if (fault == 19) wrong.keys.size = 0;
+        return true;
     default: // not a whole number
         if (value.type != MARRAM_INTEGER) return false;
         wrong.numbers[0] += 0.5;
@@ -119,7 +139,7 @@ bool spoil(const ProceduralType& type, WrongValues& wrong, size_t index, int fau
     value.text = wrong.text.c_str();
     return true;
 }
-constexpr int value_faults_there = 15;
+constexpr int value_faults_there = 21;
 
 bool make_wrong(const TestedProcedural& called, size_t index, int fault, WrongValues& wrong) {
     wrong.list.clear();

@@ -21,6 +21,7 @@
 #include <limits>
 #include <locale>
 #include <memory>
+#include <optional>
 #include <random>
 
 namespace marram::testing {
@@ -58,8 +59,17 @@ struct Plain { // a value without its pointers
     std::vector<double> numbers;
     std::string text;
     bool grid;
+    std::optional<Keyframes> keys;
     bool operator==(const Plain&) const = default;
 };
+
+std::optional<Keyframes> keys_of(const MarramValue& value) {
+    const MarramKeyframes* keys = value.keyframes;
+    if (!keys) return {};
+    return Keyframes{{keys->frames, keys->frames + keys->count},
+                     {keys->numbers, keys->numbers + keys->count * value.number_count},
+                     key_interpolation(keys->interpolation).value()};
+}
 
 std::map<std::string, Plain> by_name(const MarramValues* values) {
     std::map<std::string, Plain> found;
@@ -69,7 +79,8 @@ std::map<std::string, Plain> by_name(const MarramValues* values) {
                                 .emplace(v->name, Plain{int(v->type),
                                                         {v->numbers, v->numbers + v->number_count},
                                                         v->text,
-                                                        v->grid != nullptr})
+                                                        v->grid != nullptr,
+                                                        keys_of(*v)})
                                 .second;
         EXPECT_TRUE(is_new) << v->name;
     }
@@ -282,13 +293,15 @@ TEST(HostValues, ReadWhatAScenesLoaderReads) {
         "\"smooth\" }",
         "{ translate = [1, 2, 3], rotate = [0, 90, 0], scale = [1, 2, 0.5] }",
         "{ knots = [[0, 0.25], [0.5, 1.0,], [1, 0]], interpolation = 'constant' }",
+        "{ keys = [[1, 0.5], [24, 0.75]], interpolation = \"smooth\" }",
+        "{ keys = [[1, [1, 0, 0]], [24.5, [0, 0, 1]]] }",
         "[[0, 1], [1, 0]]",
         "[0.5, 1]",
         "1_0.2_5e-1",
         "-12",
         "true"};
     const std::vector<ItemSchema> schemas = procedural_schemas(*library);
-    size_t taken = 0, refused = 0;
+    size_t taken = 0, refused = 0, keyed = 0;
     for (const ProceduralType& type : library->types())
         for (const MarramParam& param : type.params) {
             const bool is_text = param.type == MARRAM_TEXT || param.type == MARRAM_CHOICE ||
@@ -325,8 +338,11 @@ TEST(HostValues, ReadWhatAScenesLoaderReads) {
                 ASSERT_TRUE(ours.contains(param.name));
                 EXPECT_EQ(ours.at(param.name).numbers, theirs->numbers) << param.name << " = " << text;
                 EXPECT_EQ(ours.at(param.name).text, theirs->text) << param.name << " = " << text;
+                EXPECT_EQ(ours.at(param.name).keys, theirs->keys) << param.name << " = " << text;
+                keyed += theirs->keys ? 1 : 0;
             }
         }
+    EXPECT_GT(keyed, 30u);
     EXPECT_GT(taken, 500u);
     EXPECT_GT(refused, 500u);
 }

@@ -152,6 +152,36 @@ TEST(KeyedWind, KeepsFramesIndependent) {
     EXPECT_EQ(pose_of(updated, 13.0), alone.at(13.0));
 }
 
+// A measured wind is the same as keys; an entry from the opposite side turns the wind clockwise on the way.
+TEST(KeyedWind, MayBeMeasured) {
+    const std::string file = ::testing::TempDir() + "marram_record_" + std::to_string(::getpid()) + ".csv";
+    std::ofstream(file) << "time (s), u10 [km/h], wd\n100, 7.2, 270\n110, 32.4, 270\n120, 14.4, 0\n130, 14.4, 180\n";
+    const std::string recorded = everything + jiggles + "record = \"" + file + "\"\nrecord_frames = [10, 70]\n";
+    const std::string keyed = everything + jiggles +
+                              "speed = { keys = [[10, 2], [30, 9], [50, 4], [60, 4], [70, 4]] }\n"
+                              "direction = { keys = [[10, [1, 0, 0]], [30, [1, 0, 0]], [50, [0, 0, 1]], "
+                              "[60, [-1, 0, 0]], [70, [0, 0, -1]]] }\n";
+    for (const double frame : {5.0, 20.0, 45.5, 65.0, 90.0})
+        EXPECT_LT(largest_difference(pose_in(recorded, frame), pose_in(keyed, frame)), 1e-5) << frame;
+    const std::pair<std::string, const char*> wrong[] = {
+        {recorded + "speed = 3\n", "wind.record and another speed or direction are given"},
+        {everything + "record = \"" + file + "\"\n", "needs the frames at which it begins and ends"},
+        {everything + "record = \"" + file + "\"\nrecord_frames = 5\n", "wind.record_frames has no length"},
+        {everything + "record_frames = [1, 5]\n", "has no effect without wind.record"},
+    };
+    for (const auto& [wind, message] : wrong) {
+        std::string said;
+        try {
+            TestScene scene(scene_in(wind));
+            said = scene.build_errors();
+        } catch (const InputError& error) {
+            said = to_string(error.problems.at(0));
+        }
+        EXPECT_NE(said.find(message), std::string::npos) << said;
+    }
+    std::filesystem::remove(file);
+}
+
 TEST(KeyedWind, SaysWhatIsWrong) {
     const auto problems = [](const std::string& wind) -> std::string {
         try {

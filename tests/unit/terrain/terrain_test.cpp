@@ -645,9 +645,12 @@ TEST(Terrain, RecordsOfWindAreChecked) {
     EXPECT_TRUE(has(said("0,2,270\n1,1,260\n"), "use a record of stronger wind"));
     header = "time (h); speed [m/s]; direction (deg)";
     EXPECT_EQ(said("0;9;270\n1;8;260\n2;9;250\n"), "");
-    header = "time,speed (km/h),direction";
+    header = "t [s], U10 (km/h), wd";
+    EXPECT_EQ(said("0,32,270\n3600,29,260\n7200,32,250\n"), "");
+    EXPECT_TRUE(has(said("0,32,270\n3600,29,260\n3600,32,250\n"), "entry 3: time does not ascend"));
+    header = "time,speed (Bft),direction";
     EXPECT_TRUE(
-        has(said("0,9,270\n1,8,260\n"), "'speed (km/h)' is in another unit: it needs time (h), speed (m/s)"));
+        has(said("0,9,270\n1,8,260\n"), "'speed (Bft)' is in another unit: it needs time (h), speed (m/s)"));
     std::filesystem::remove(file);
 }
 

@@ -59,8 +59,7 @@ TEST(DuneWinds, ChaosHasItsStatistics) {
 }
 
 TEST(DuneWinds, RecordsAreReadAndSummed) {
-    WindRecord record{{0.0, 3600.0, 7200.0, 10800.0}, {10.0, 8.0, 0.0, 10.0}, {0.0, 90.0, 10.0, 180.0}};
-    EXPECT_EQ(wind_record_problem(record), "");
+    const WindRecord record{{0.0, 3600.0, 7200.0, 10800.0}, {10.0, 8.0, 0.0, 10.0}, {0.0, 90.0, 10.0, 180.0}};
     const WindHistory wind = recorded_wind(record);
     EXPECT_EQ(wind(0.0).until, 3600.0);
     EXPECT_NEAR(wind(4000.0).wind.towards_x, -1.0, 1e-12);
@@ -79,8 +78,6 @@ TEST(DuneWinds, RecordsAreReadAndSummed) {
                 100.0 * (2 * 19.438 * 19.438 * 7.778 + 15.551 * 15.551 * 3.891) / 4, 20.0);
     EXPECT_NE(drift_text(drift, "kg/(m s)").find("towards 270 deg"), std::string::npos)
         << drift_text(drift, "kg/(m s)");
-    record.time[2] = 100.0;
-    EXPECT_NE(wind_record_problem(record), "");
 }
 
 // However short the entries are, few are left, and they move the same sand in the same time.

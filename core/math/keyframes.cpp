@@ -20,9 +20,14 @@ std::optional<KeyInterpolation> key_interpolation(std::string_view name) {
 
 const char* name_of(KeyInterpolation interpolation) { return names[size_t(interpolation)]; }
 
-void Keyframes::at(double frame, std::span<double> out) const {
+size_t Keyframes::keys_until(double frame) const {
+    return size_t(std::ranges::upper_bound(frames, frame) - frames.begin());
+}
+
+void Keyframes::at(double frame, std::span<double> out) const { at(frame, keys_until(frame), out); }
+
+void Keyframes::at(double frame, size_t after, std::span<double> out) const {
     assert(out.size() == numbers_per_key());
-    const auto after = size_t(std::ranges::upper_bound(frames, frame) - frames.begin());
     const std::span<const double> before = key(after == 0 ? 0 : after - 1);
     std::ranges::copy(before, out.begin());
     if (after == 0 || after == frames.size() || interpolation == KeyInterpolation::constant) return;

@@ -35,6 +35,9 @@ struct Keyframes {
     // Exact at the keys.
     void at(double frame, std::span<double> out) const; // [numbers_per_key()]
     double at(double frame) const;                      // of keys with one number
+    size_t keys_until(double frame) const;              // number of keys at or before the frame
+    // The same as at(), for frames between two neighbouring keys, with after = keys_until(frame).
+    void at(double frame, size_t after, std::span<double> out) const;
     bool operator==(const Keyframes&) const = default;
 };
 

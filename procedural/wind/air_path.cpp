@@ -54,9 +54,20 @@ Vec3d AirPath::direction(double frame) const {
 
 Vec3d AirPath::over(double begin, double end) const {
     const double middle = 0.5 * (begin + end), half = 0.5 * (end - begin);
+    // No key lies between the ends.
+    const size_t of_speed = speeds_ ? speeds_->keys_until(middle) : 0,
+                 of_direction = directions_ ? directions_->keys_until(middle) : 0;
+    const auto velocity_at = [&](double frame) -> Vec3d {
+        double speed = speed_;
+        Vec3d w = direction_;
+        if (speeds_) speeds_->at(frame, of_speed, {&speed, 1});
+        if (!directions_) return speed * w;
+        directions_->at(frame, of_direction, {w.data(), 3});
+        return (speed / w.norm()) * w;
+    };
     Vec3d sum = Vec3d::Zero();
     for (const auto& [x, weight] : gauss)
-        sum += weight * (velocity(middle - half * x) + velocity(middle + half * x));
+        sum += weight * (velocity_at(middle - half * x) + velocity_at(middle + half * x));
     return sum * half;
 }
 

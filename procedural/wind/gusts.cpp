@@ -218,6 +218,15 @@ struct GustContext { // data shared by all gusts
     double fps;
 };
 
+// How far the air has come; asked for once for all gusts at one time.
+struct AirAt {
+    double frame;
+    Vec3d displacement;
+};
+AirAt air_at(const GustCarrier& wind, double frame) {
+    return {frame, wind.path ? wind.path->displacement(frame) : Vec3d::Zero()};
+}
+
 // The influences at one time that overlap a box. `lower` and `upper` bound the centres of all influences,
 // also those outside: the order of the tree, and so of the sums, does not depend on which influences are
 // kept.
@@ -259,34 +268,36 @@ Vec3d place_across(const Gusts& gusts, const CrosswindAxes& sides, uint64_t key)
            sides.upright * ((draw(key, Draw::up) - 0.5) * gusts.extent->y());
 }
 
-// Its centre at an age in frames, after its start at `born`.
-Vec3d center_of(const GustContext& passage, uint64_t key, double born, double age) {
+// Its centre at an age in frames, after its start at `born`; `air` is that at this age.
+Vec3d center_of(const GustContext& passage, uint64_t key, double born, double age, const AirAt& air) {
     const Gusts& gusts = passage.gusts;
     const GustCarrier& wind = passage.wind;
-    const double speed = draw(key, Draw::speed, gusts.speed), frame = born + age;
-    if (!wind.path || wind.path->is_steady_until(std::max(born, frame))) {
-        const double unit = !gusts.speed_is_relative ? 1.0 : wind.path ? wind.path->speed(frame) : wind.speed;
+    const double speed = draw(key, Draw::speed, gusts.speed);
+    if (!wind.path || wind.path->is_steady_until(std::max(born, air.frame))) {
+        const double unit = !gusts.speed_is_relative ? 1.0
+                            : wind.path              ? wind.path->speed(air.frame)
+                                                     : wind.speed;
         const double travelled = speed * unit * age / passage.fps;
         return passage.plane.origin + place_across(gusts, passage.plane.sides, key) +
                wind.direction * travelled;
     }
     const GustPlane plane = plane_across(gusts, wind.path->direction(born));
-    const Vec3d way = wind.path->displacement(frame) - wind.path->displacement(born);
+    const Vec3d way = air.displacement - wind.path->displacement(born);
     return plane.origin + place_across(gusts, plane.sides, key) + way * (speed / passage.fps);
 }
 
-void add_gust(const GustContext& passage, double frame, int64_t repetition, uint64_t index,
+void add_gust(const GustContext& passage, const AirAt& air, int64_t repetition, uint64_t index,
               ActiveInfluences& out) {
     const Gusts& gusts = passage.gusts;
     const DrawnGust gust = draw_gust(gusts, repetition, index);
     const uint64_t key = gust.key;
     const double life = gust.life, fade = gust.fade, radius = gust.radius;
-    const double age = frame - gust.start - double(repetition) * gusts.period;
+    const double age = air.frame - gust.start - double(repetition) * gusts.period;
     if (!(gust.exists() && -fade < age && age < life)) return;
     const double swell = smooth_step(std::min(1.0, (age + fade) / fade));
     const double decay = smooth_step(std::min(1.0, (life - age) / fade));
     Influence influence;
-    influence.center = center_of(passage, key, gust.start + double(repetition) * gusts.period, age);
+    influence.center = center_of(passage, key, gust.start + double(repetition) * gusts.period, age, air);
     influence.to_unit = Eigen::Matrix3d::Identity() * (1.0 / radius);
     influence.lumps = draw(key, Draw::radius_noise, gusts.radius_noise);
     influence.lump_seed = static_cast<uint32_t>(hash(key, uint64_t(Draw::lump_seed)) >> 32);
@@ -300,13 +311,14 @@ void add_procedural(const Gusts& gusts, const GustCarrier& wind, double frame, d
                     ActiveInfluences& out) {
     if (gusts.num_gusts == 0 || gusts.strength == 0.0) return;
     const GustContext passage{gusts, wind, plane_across(gusts, wind.direction), fps};
+    const AirAt air = air_at(wind, frame);
     int64_t first = 0, last = 0; // repetitions that may be alive
     if (gusts.period > 0.0) {
         first = int64_t(std::ceil((frame - gusts.start_frame.y() - gusts.life.y()) / gusts.period));
         last = int64_t(std::floor((frame - gusts.start_frame.x() + longest_fade(gusts)) / gusts.period));
     }
     for (int64_t repetition = first; repetition <= last; ++repetition)
-        for (uint32_t i = 0; i < gusts.num_gusts; ++i) add_gust(passage, frame, repetition, i, out);
+        for (uint32_t i = 0; i < gusts.num_gusts; ++i) add_gust(passage, air, repetition, i, out);
 }
 
 void add_control(const GustControl& control, double frame, ActiveInfluences& out) {
@@ -587,7 +599,8 @@ GustContacts gusts_touching(const Gusts& gusts, const GustCarrier& wind, const V
             const Vec3d reach = Vec3d::Constant(gust.radius);
             const Eigen::AlignedBox3d around(box.min() - reach, box.max() + reach);
             const auto at = [&](int part) {
-                return center_of(passage, gust.key, born, from + (to - from) * part / parts);
+                const double age = from + (to - from) * part / parts;
+                return center_of(passage, gust.key, born, age, air_at(wind, born + age));
             };
             bool touches = false;
             for (int part = 0; part < parts && !touches; ++part)

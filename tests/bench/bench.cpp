@@ -91,6 +91,14 @@ void sequence_to_literal(benchmark::State& state, const Size& size, double times
         [&] { return work.run_next_frame_literally(); });
 }
 
+// A wind that has keys against one that has none: a frame alone, or the next of a sequence.
+void keyed_to_constant(benchmark::State& state, bool alone) {
+    Workload &keyed = workload(Tk), &constant = workload(T);
+    compare(
+        state, 1.02, [&] { return alone ? keyed.run_chain() : keyed.run_next_frame(); },
+        [&] { return alone ? constant.run_chain() : constant.run_next_frame(); });
+}
+
 // Jiggle against the sum of the other stages: a frame alone, and in a sequence of 64 frames (four periods).
 void jiggle_to_others(benchmark::State& state, const Size& size) {
     Workload& work = workload(size);
@@ -229,6 +237,8 @@ RATIO(chain_to_literal, T, T, 5.0);
 RATIO(sequence_to_literal, T, T, 5.0);
 RATIO(jiggle_to_others, T, T)->Iterations(3);
 RATIO(jiggle_to_others, 100k, T100k)->Iterations(1);
+RATIO(keyed_to_constant, alone, true)->Iterations(15);
+RATIO(keyed_to_constant, sequence, false)->Iterations(64);
 RATIO(chain_to_literal, T0, T0, 5.0);
 RATIO(chain_to_literal, T2, T2, 4.0);
 RATIO(chain_to_literal, D, D, 5.0);

@@ -3,10 +3,12 @@
 
 #include "core/math/nearest_point.h"
 #include "core/plugin/embree.h"
+#include "procedural/wind/keyed_wind.h"
 #include "procedural/wind/shield.h"
 
 #include <tbb/parallel_for.h>
 
+#include <array>
 #include <atomic>
 
 namespace marram::bench {
@@ -75,6 +77,28 @@ Wind gusty_wind() {
     return wind;
 }
 
+// Keys of speed, direction and strength that change the wind by so little that strands stay where they are.
+void key(Wind& wind) {
+    constexpr std::array frames = {-240.0, 480.0};
+    const double speed = wind.speed, rotate = wind.global_rotate;
+    const std::array speeds = {speed, (1.0 + 1e-9) * speed}, rotates = {rotate, (1.0 + 1e-9) * rotate};
+    constexpr std::array directions = {1.0, 0.0, 0.0, 1.0, 0.0, 1e-7};
+    std::array<MarramKeyframes, 3> keys;
+    std::array<MarramValue, 3> values{};
+    const auto set = [&](size_t i, const char* name, std::span<const double> numbers) {
+        keys[i] = {sizeof(MarramKeyframes), 2, frames.data(), numbers.data(), "linear"};
+        values[i].name = name;
+        values[i].numbers = numbers.data();
+        values[i].number_count = numbers.size() / 2;
+        values[i].text = values[i].place = "";
+        values[i].keyframes = &keys[i];
+    };
+    set(0, "wind.speed", speeds);
+    set(1, "wind.direction", directions);
+    set(2, "wind.global_rotate", rotates);
+    read_keys(Values(values), wind);
+}
+
 Vec3f lane_of(const Wide3f& v, int lane) { return {v.x[lane], v.y[lane], v.z[lane]}; }
 
 template <typename Visit>
@@ -112,6 +136,7 @@ Workload::Workload(const Size& size)
         jiggle.step = 0.5; // as `marram render scenes/talk.toml` chooses it
         wind_.jiggle = jiggle;
     }
+    if (size.keyed) key(wind_);
     for (int k = 0; k < size.cvs; ++k)
         profile_.push_back(float(0.5 * groom_.width_profile(double(k) / (size.cvs - 1))));
     chain_ = frame_chain();

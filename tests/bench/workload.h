@@ -27,10 +27,12 @@ struct Size {
     double width;      // of a strand
     uint32_t keys = 1; // motion samples; the sphere has a different shape at each
     bool jiggles = false;
+    bool keyed = false; // speed, direction and strength of the wind have keys
 };
 
-inline constexpr Size T{"T", 10000, 5, 71, 0.009, 1, true}; // as in the talk: all stages
-inline constexpr Size T0{"T0", 10000, 5, 71, 0.009};        // T without jiggle
+inline constexpr Size T{"T", 10000, 5, 71, 0.009, 1, true};         // as in the talk: all stages
+inline constexpr Size Tk{"Tk", 10000, 5, 71, 0.009, 1, true, true}; // T with keys
+inline constexpr Size T0{"T0", 10000, 5, 71, 0.009};                // T without jiggle
 inline constexpr Size T100k{"100k", 100000, 5, 71, 0.0028, 1, true};
 inline constexpr Size T2{"T2", 10000, 5, 500, 0.009}; // T0 on 2,000,000 triangles
 inline constexpr Size T10k{"10k", 10000, 5, 35, 0.009}, T4M{"4M", 10000, 5, 707, 0.009};

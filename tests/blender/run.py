@@ -283,6 +283,41 @@ def test_range(scene, folder):
     remove_blown()
 
 
+def test_wind_in_time(scene, folder):
+    """F-curves of the wind's settings, and of the object that it follows, become keys."""
+    in_wind(scene)
+    settings = scene.marram
+    for frame, speed, shelter in ((1, 2.0, 0.0), (4, 9.0, 0.6)):
+        settings.speed, settings.shield = speed, shelter
+        settings.keyframe_insert("speed", frame=frame)
+        settings.keyframe_insert("shield", frame=frame)
+    for curve in scene.animation_data.action.fcurves:
+        for point in curve.keyframe_points:
+            point.interpolation = "LINEAR"
+    vane = bpy.data.objects.new("Vane", None)
+    scene.collection.objects.link(vane)
+    for frame, angle in ((1, 0.0), (4, 0.9)):
+        vane.rotation_euler = (math.pi / 2, 0, angle)
+        vane.keyframe_insert("rotation_euler", frame=frame)
+    settings.wind_object = vane
+    bpy.ops.marram.export(directory=str(folder), which="RANGE")
+    with open(folder / "scene.toml", "rb") as file:
+        wind = tomllib.load(file)["wind"]
+    keys = {frame: value for frame, value in wind["speed"]["keys"]}
+    check("a straight f-curve is two keys", abs(keys[1] - 2) < 1e-6 and abs(keys[4] - 9) < 1e-6, str(wind["speed"]))
+    check("a setting of another stage has keys", len(wind["shielding"]["shield"]["keys"]) >= 2)
+    first, last = wind["direction"]["keys"][0][1], wind["direction"]["keys"][-1][1]
+    turn = math.acos(min(1, float(np.dot(first, last))))
+    check("the wind turns with its object", abs(turn - 0.9) < 1e-4, f"{turn:.5g}")
+    check("what is constant has no keys", isinstance(wind["global_rotate"], (int, float)))
+    moved = np.abs(baked(folder / "scene.toml", 4)[0] - baked(folder / "scene.toml", 1)[0]).max()
+    check("and marram blows it", moved > 0.02, f"up to {moved:.3g}")
+    settings.wind_object = None
+    bpy.data.objects.remove(vane)
+    scene.animation_data_clear()
+    in_wind(scene)
+
+
 def test_world(scene, folder):
     """A sky of nodes is drawn by Cycles; its sun stands apart from it."""
     before = scene.world
@@ -400,6 +435,7 @@ def main():
         test_calm(scene)
         test_wind(scene, folder / "wind")
         test_range(scene, folder / "range")
+        test_wind_in_time(scene, folder / "time")
         test_reports(scene, folder / "reports")
         test_world(scene, folder / "world")
         test_blown_stays(scene, folder / "stays")

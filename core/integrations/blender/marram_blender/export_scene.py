@@ -26,6 +26,7 @@ NOT_EXPORTED = {"VOLUME": "volumes are not exported", "POINTCLOUD": "point cloud
                 "GPENCIL": "grease pencil is not exported", "LIGHT_PROBE": ""}
 # Pixels, for all approximations, such as motion keys and straight curve pieces.
 TOLERANCE_PIXELS = 0.25
+WIND_IN_TIME = ("direction", "speed", "bend", "stiff_root", "turbulence", "calm", "jiggle", "damping", "shield")  # settings
 
 
 @dataclass
@@ -75,6 +76,7 @@ class _Writer:
         self.grooms: dict[tuple, MovingHair] = {}
         self.lamps: list[tuple[list, list]] = []
         self.world: list[dict] = [DARK]
+        self.winds: dict[int, dict] = {}  # by frame
         self.files = 0
         self.names: set[str] = set()
 
@@ -82,6 +84,7 @@ class _Writer:
 
     def add_frame(self, frame: int, depsgraph):
         seen: set[tuple] = set()
+        self.winds[frame] = self._wind_now(depsgraph)
         if self.job.with_camera:
             self.camera.add(frame, self.scene, depsgraph, picture_size(self.scene), self.unit)
         if self.job.with_picture and frame == self.shot[0]:
@@ -230,8 +233,9 @@ class _Writer:
         for owner in (self.scene, self.scene.world and self.scene.world.node_tree):
             if owner and owner.animation_data and owner.animation_data.action:
                 paths = [curve.data_path for curve in owner.animation_data.action.fcurves]
-                if owner == self.scene and any(path.startswith("marram.") for path in paths):
-                    self.notes.add("Marram's settings do not change over the frames: those that are shown hold", owner.name)
+                constant = [path for path in paths if path.startswith("marram.") and path.removeprefix("marram.") not in WIND_IN_TIME]
+                if owner == self.scene and constant:
+                    self.notes.add(f"does not change over the frames: {', '.join(sorted(set(constant)))}", owner.name)
                 if owner != self.scene and paths and self.shot[1] > self.shot[0]:
                     self.notes.add(f"the world does not change: it is as at frame {self.shot[0]}", self.scene.world.name)
         render = self.scene.render
@@ -261,17 +265,28 @@ class _Writer:
                 "noise": self.settings.noise or None, "seed": cycles.seed if cycles else None,
                 "filter_radius": cycles.filter_width if cycles and cycles.pixel_filter_type == "BLACKMAN_HARRIS" else None}
 
-    def _wind(self) -> dict:
-        s = self.settings
-        direction = s.wind_object.matrix_world.to_3x3().col[2] if s.wind_object else s.direction
+    def _wind_now(self, depsgraph) -> dict:
+        """What may change over the frames, at the frame of the graph."""
+        s = depsgraph.scene_eval.marram
+        along = s.wind_object.original.evaluated_get(depsgraph) if s.wind_object else None
+        direction = (along.matrix_world.to_3x3().col[2] if along else s.direction).copy()
         if direction.length == 0:
             raise ExportError("the wind has no direction: set one in the scene's panel Wind")
-        return {"direction": axes.vector_to_marram(direction), "speed": s.speed, "global_rotate": s.bend,
-                "ramp_rotate": [[0, s.stiff_root], [1, 1]], "noise": {"amplitude": s.turbulence, "frequency": s.turbulence_scale},
-                "calm": s.calm if s.gusts else None,
+        return {"direction": axes.vector_to_marram(direction.normalized()),
+                "stiff_root": [[0, s.stiff_root], [1, 1]],
+                **{name: getattr(s, name) for name in ("speed", "bend", "turbulence", "calm", "jiggle", "damping", "shield")}}
+
+    def _wind(self) -> dict:
+        s = self.settings
+        of = {name: toml_text.over_time({frame: now[name] for frame, now in self.winds.items()}) for name in WIND_IN_TIME}
+        jiggles, shelters = (any(now[name] for now in self.winds.values()) for name in ("jiggle", "shield"))
+        if jiggles and not all(now["jiggle"] for now in self.winds.values()):
+            raise ExportError("Jiggle is 0 at some frames and not at others: keep it above 0")
+        return {"direction": of["direction"], "speed": of["speed"], "global_rotate": of["bend"], "ramp_rotate": of["stiff_root"],
+                "noise": {"amplitude": of["turbulence"], "frequency": s.turbulence_scale}, "calm": of["calm"] if s.gusts else None,
                 "gusts": {"num_gusts": s.gusts, "radius_range": sorted(s.gust_radius)} if s.gusts else None,
-                "jiggle": {"frequency": s.jiggle, "damping": s.damping} if s.jiggle else None,
-                "shielding": {"shield": s.shield} if s.shield else None,
+                "jiggle": {"frequency": of["jiggle"], "damping": of["damping"]} if jiggles else None,
+                "shielding": {"shield": of["shield"]} if shelters else None,
                 "collision": {"solver": "exact"} if s.collide else None}
 
     def _shining(self, mesh: MovingMesh) -> list[dict]:

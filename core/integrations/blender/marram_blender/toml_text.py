@@ -27,6 +27,22 @@ def value_text(value) -> str:
     return str(single) if float(single) == number else repr(number)
 
 
+def over_time(values: dict[int, object]):
+    """The value, if it is the same at all frames; else its keys, without those on the straight line between others."""
+    frames = sorted(values)
+    numbers = np.array([np.ravel(np.array(values[frame], dtype="f8")) for frame in frames])
+    if (numbers == numbers[0]).all():
+        return values[frames[0]]
+    kept = [0]
+    for i in range(1, len(frames) - 1):  # straight from the last kept to the next?
+        a, b = kept[-1], i + 1
+        shares = (np.array(frames[a:b + 1]) - frames[a]) / (frames[b] - frames[a])
+        line = numbers[a] + shares[:, None] * (numbers[b] - numbers[a])
+        if np.abs(line - numbers[a:b + 1]).max() > 1e-6 * np.abs(numbers[a:b + 1]).max():
+            kept.append(i)
+    return {"keys": [[frames[i], values[frames[i]]] for i in kept + [len(frames) - 1]]}
+
+
 def table_text(heading: str, values: dict) -> str:
     """A table and its keys; keys with the value None are left out. No heading: keys before the first table."""
     lines = [heading] if heading else []

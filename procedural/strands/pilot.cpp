@@ -81,7 +81,7 @@ void bend_sample(const PilotGroom& pilot, const RootSample& some, double frame, 
     strands.resize(int(some.roots.size()), cvs, false);
     expand(pilot.groom, pilot.wind, {pilot.bind, pilot.bind}, some.roots, strands, some.guides());
     scale_strands(strands, pilot.instance_scale);
-    const double response = wind_response(pilot.wind) * strength;
+    const double response = max_response(pilot.wind) * strength;
     for (size_t i = 0; i < strands.envelope.size(); ++i) {
         const double u = double(i % size_t(cvs)) / double(cvs - 1);
         strands.envelope[i] = splat_float(float(std::clamp(pilot.groom.envelope(u), 0.0, 1.0) * response));

@@ -208,7 +208,7 @@ MarramOutput StrandInstance::begin(LentFrame lent) {
     chain = {}; // release the last frame's trees before building new ones
     chain = make_chain(past_wind.get());
     warn_of_gusts(host, place(), chain);
-    gust_bounds = wind.gusts ? bounds() : Eigen::AlignedBox3d();
+    gust_bounds = wind.gusts || !wind.fields.empty() ? bounds() : Eigen::AlignedBox3d();
     const bool skin_moves = moves() || curves_move() || (mesh && mesh->moves != 0) ||
                             std::ranges::any_of(mesh_instances, [](const MeshInstance& m) {
                                 return m.mesh && m.mesh->moves != 0;

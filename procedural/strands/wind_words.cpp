@@ -83,6 +83,7 @@ void warn_of_idle_wind(const MarramHost& host, const Values& given, const Wind& 
         send(host, MARRAM_WARNING, "wind.idle", std::string(place_of_value(given, name)), what, remedy);
     };
     const std::span<const double> speeds = wind.response.positions();
+    if (!wind.fields.empty()) return; // they blow where the mean wind does not
     if (wind.speed == 0.0) {
         if (!is_given(given, "wind.speed") && asks_for_wind(given, wind)) // else 0 on purpose
             warn("wind.direction", "wind.speed is not given, and without it the wind does nothing",
@@ -108,6 +109,11 @@ void warn_of_idle_wind(const MarramHost& host, const Values& given, const Wind& 
 void warn_of_untouching_gusts(const MarramHost& host, const Wind& wind, const MarramFrame& frame,
                               const Eigen::AlignedBox3d& strands) {
     const std::optional<Vec2d> frames = shot_frames(frame);
+    for (size_t i = 0; frames && !strands.isEmpty() && i < wind.fields.size(); ++i)
+        if (!field_touches(wind.fields[i], *frames, strands))
+            send(host, MARRAM_COMMON_WARNING, "field.no_contact", fmt::format("wind.field[{}]", i),
+                 fmt::format("this field touches no strand in frames {:g} to {:g}", frames->x(), frames->y()),
+                 "check its transform: it reaches to 1 m from its centre, times its scale");
     if (!wind.gusts || !frames || !wind_bends(wind) || strands.isEmpty()) return;
     const Gusts& gusts = *wind.gusts;
     const GustContacts contacts = gusts_touching(gusts, gust_carrier(wind), *frames, frame.fps, strands);
@@ -147,6 +153,7 @@ std::string wind_summary(const Wind& wind, const MarramFrame& frame, const Eigen
             : wind.calm < 1.0 ? fmt::format("  calm: {:.3g} of that\n", wind.calm)
                               : "";
     if (wind.gusts) text += gust_text(wind, frame, strands);
+    if (!wind.fields.empty()) text += fmt::format("  fields: {}\n", wind.fields.size());
     std::string stages;
     const auto add = [&](bool runs, const char* stage) {
         if (runs) stages += (stages.empty() ? "" : ", ") + std::string(stage);

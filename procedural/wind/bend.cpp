@@ -200,6 +200,7 @@ struct BlockView { // one block of a Strands
     const VFloat* envelope;
     const VDouble* arc;
     const Wide3f* noise; // nullptr: no noise
+    Wide3d wind;         // unit direction
     VDouble* factors;    // [cvs - 1]
 };
 
@@ -226,7 +227,7 @@ MARRAM_HOT void turn_factors(const Wind& wind, const BlockView& block) {
 
 MARRAM_HOT void bend_block(const Wind& wind, const BlockView& block) {
     const int last = block.cvs - 1;
-    const Wide3d w = splat3(wind.direction.data());
+    const Wide3d w = block.wind;
     const Wide3d tip = to_double(block.rest[last]);
     Turn turn{VDouble{}, VDouble{}, VDouble{}, splat(1.0)};
     VLong turned{};
@@ -270,6 +271,8 @@ void bend(const Wind& wind, double frame, double fps, Strands& strands) {
                               strands.envelope.data() + first,
                               arc.data(),
                               noisy ? strands.values.data() : nullptr,
+                              strands.wind_direction.empty() ? splat3(wind.direction.data())
+                                                             : strands.wind_direction[size_t(i)],
                               factors.data()};
         turn_factors(wind, block);
         bend_block(wind, block);

@@ -51,7 +51,7 @@ ChainFrame make_chain_frame(const ChainInput& input) {
         ColliderTrees fresh;
         (input.trees ? *input.trees : fresh).build_or_reuse(frame, input.query_bounds, colliders);
     }
-    if ((wind.gusts || wind.keys) && bends && !chain.window.empty())
+    if ((wind.gusts || wind.keys || !wind.fields.empty()) && bends && !chain.window.empty())
         chain.past_wind =
             std::make_shared<PastWind>(wind, PastWind::Key{frame.fps, wind.jiggle->step, input.rest},
                                        chain.window.first, chain.window.last, input.past_wind);
@@ -59,6 +59,12 @@ ChainFrame make_chain_frame(const ChainInput& input) {
 }
 
 namespace {
+
+MARRAM_INLINE void scale_by_block(const WideVector<VFloat>& factors, Strands& strands) {
+    for (int i = 0; i < strands.blocks; ++i)
+        for (int k = 0; k < strands.cvs; ++k)
+            strands.envelope[size_t(i) * size_t(strands.cvs) + size_t(k)] *= factors[size_t(i)];
+}
 
 // e = clamp(calm + gusts) * groom's envelope * (1 - shield * sheltered fraction) * response(speed)
 MARRAM_HOT void set_envelope(const Wind& wind, const float* own, Strands& strands) {
@@ -72,10 +78,7 @@ MARRAM_HOT void set_envelope(const Wind& wind, const float* own, Strands& strand
             const VFloat left = one - loss * strands.shield[at];
             strands.envelope[at] = e * (left > zero ? left : zero) * own[k];
         }
-    if (!strands.has_wind_share) return;
-    for (int i = 0; i < strands.blocks; ++i)
-        for (int k = 0; k < strands.cvs; ++k)
-            strands.envelope[size_t(i) * size_t(strands.cvs) + size_t(k)] *= strands.wind_share[size_t(i)];
+    if (strands.has_wind_share) scale_by_block(strands.wind_share, strands);
 }
 
 // The groom's envelope for strands with irregular segments: u differs from strand to strand.
@@ -87,15 +90,23 @@ MARRAM_HOT void scale_envelope(const Ramp& own, Strands& strands) {
 }
 
 // strands.rest -> pose, from the wind at `frame` and the shelter in strands.shield.
-void bend_at(const ChainFrame& chain, const Wind& wind, const GustField* gusts, double frame,
-             Strands& strands, StageClock& clock) {
+void bend_at(const ChainFrame& chain, const WindAt& at, double frame, Strands& strands, StageClock& clock) {
+    const Wind& wind = *at.wind;
     {
         const StageTimer timer(clock.gusts);
         std::fill(strands.gust.begin(), strands.gust.end(), VFloat{});
-        if (gusts) add_gusts(*gusts, strands);
+        if (!at.gusts.levels.empty()) add_gusts(at.gusts, strands);
     }
     const StageTimer timer(clock.bend);
-    const double response = chain.frame.stage == MARRAM_REST ? 0.0 : wind_response(wind);
+    const bool rests = chain.frame.stage == MARRAM_REST;
+    if (at.fields.empty() || rests) {
+        strands.wind_direction.clear();
+        strands.wind_response.clear();
+    } else {
+        local_wind(wind.direction, wind.speed, wind.response, at.fields, strands);
+    }
+    const bool local = !strands.wind_response.empty();
+    const double response = rests ? 0.0 : local ? 1.0 : wind_response(wind);
     const Ramp& envelope = wind.point_envelope ? *wind.point_envelope : *chain.point_envelope;
     std::vector<float> own(size_t(strands.cvs), float(response));
     for (int k = 0; k < strands.cvs && !strands.irregular; ++k) {
@@ -104,6 +115,7 @@ void bend_at(const ChainFrame& chain, const Wind& wind, const GustField* gusts, 
     }
     set_envelope(wind, own.data(), strands);
     if (strands.irregular) scale_envelope(envelope, strands);
+    if (local) scale_by_block(strands.wind_response, strands);
     if (response > 0.0 && wind_bends(wind)) {
         bend(wind, frame, chain.frame.fps, strands);
     } else {
@@ -151,6 +163,8 @@ void jiggle_patch(const ChainFrame& chain, const RestStrandSource& rest_strands,
     // The springs are the same in every frame, though the segments of a deforming strand are not.
     if (strands.irregular) rest_strands.at_bind(past);
     scratch.filter.begin(jiggle, chain.window, chain.frame.fps, strands.cvs, strands.blocks, past.u);
+    WindAt same_always;
+    same_always.wind = &wind;
     std::optional<int64_t> laid_out; // the past sample whose rest strands `past` holds
     const auto bent = [&](int64_t past_sample, WideVector<Wide3f>& pose) {
         if (!rest_strands.moved) {
@@ -159,8 +173,7 @@ void jiggle_patch(const ChainFrame& chain, const RestStrandSource& rest_strands,
             rest_strands.at_past_sample(past_sample, past);
         }
         laid_out = past_sample;
-        const WindAt* at = chain.past_wind ? &chain.past_wind->at(past_sample) : nullptr;
-        bend_at(chain, at ? *at->wind : wind, at && wind.gusts ? &at->gusts : nullptr,
+        bend_at(chain, chain.past_wind ? chain.past_wind->at(past_sample) : same_always,
                 jiggle.frame_of(past_sample), past, inner);
         std::swap(pose, past.pose);
     };
@@ -183,7 +196,7 @@ void jiggle_patch(const ChainFrame& chain, const RestStrandSource& rest_strands,
 void run_chain(const ChainFrame& chain, uint32_t time, Strands& strands, ChainScratch& scratch) {
     const ChainFrame::Instant& instant = chain.instants[time];
     shelter(chain, time, strands, scratch.clock);
-    bend_at(chain, *instant.wind.wind, instant.wind.field(), chain.frame.times[time], strands, scratch.clock);
+    bend_at(chain, instant.wind, chain.frame.times[time], strands, scratch.clock);
     if (chain.frame.stage != MARRAM_FINAL) return;
     if (chain.window.count() > 0 && !scratch.jiggled[time].empty()) {
         const StageTimer timer(scratch.clock.jiggle);

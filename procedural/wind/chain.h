@@ -52,7 +52,7 @@ struct ChainFrame {
     };
     std::vector<Instant> instants;       // [motion sample]
     JiggleWindow window;                 // empty: strands do not jiggle
-    std::shared_ptr<PastWind> past_wind; // nullptr: without gusts and keys
+    std::shared_ptr<PastWind> past_wind; // nullptr: the same at all times
 
     size_t gust_bytes() const;
 };

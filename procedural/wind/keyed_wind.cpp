@@ -22,6 +22,7 @@ namespace {
 
 double value(const Wind&, std::span<const double> numbers) { return numbers[0]; }
 double magnitude(const Wind&, std::span<const double> numbers) { return std::abs(numbers[0]); }
+double length(const Wind&, std::span<const double> numbers) { return Vec3d(numbers.data()).norm(); }
 double smallness(const Wind&, std::span<const double> numbers) { return -numbers[0]; }
 double largest_of_ramp(const Wind&, std::span<const double> numbers) {
     double most = 0.0;
@@ -31,74 +32,98 @@ double largest_of_ramp(const Wind&, std::span<const double> numbers) {
 double strength(const Wind& wind, std::span<const double> numbers) { return wind.response(numbers[0]); }
 
 // Optional stages may have been removed from a copy of the wind.
-constexpr std::array keyable_params = {
-    KeyableParam{"wind.direction",
-                 [](Wind& wind, size_t, std::span<const double> n, std::string_view) {
-                     wind.direction = renormalised(Vec3d(n.data()));
-                 },
-                 nullptr},
-    KeyableParam{"wind.speed",
-                 [](Wind& wind, size_t, std::span<const double> n, std::string_view) { wind.speed = n[0]; },
-                 strength},
-    KeyableParam{"wind.calm",
-                 [](Wind& wind, size_t, std::span<const double> n, std::string_view) { wind.calm = n[0]; },
-                 value},
-    KeyableParam{
-        "wind.global_rotate",
-        [](Wind& wind, size_t, std::span<const double> n, std::string_view) { wind.global_rotate = n[0]; },
-        value},
-    KeyableParam{"wind.ramp_rotate",
-                 [](Wind& wind, size_t, std::span<const double> n, std::string_view text) {
-                     wind.ramp_rotate = Ramp(n, text);
-                 },
-                 largest_of_ramp},
-    KeyableParam{
-        "wind.waviness",
-        [](Wind& wind, size_t, std::span<const double> n, std::string_view) { wind.waviness = n[0]; },
-        magnitude},
-    KeyableParam{
-        "wind.noise.amplitude",
-        [](Wind& wind, size_t, std::span<const double> n, std::string_view) { wind.noise_amplitude = n[0]; },
-        value},
-    KeyableParam{
-        "wind.noise.evolution",
-        [](Wind& wind, size_t, std::span<const double> n, std::string_view) { wind.evolution = n[0]; },
-        magnitude},
-    KeyableParam{"wind.gusts.strength",
-                 [](Wind& wind, size_t, std::span<const double> n, std::string_view) {
-                     if (wind.gusts) wind.gusts->strength = n[0];
-                 },
-                 value},
-    KeyableParam{"wind.gusts.control[].strength",
-                 [](Wind& wind, size_t control, std::span<const double> n, std::string_view) {
-                     if (wind.gusts) wind.gusts->controls[control].strength = n[0];
-                 },
-                 magnitude},
-    KeyableParam{"wind.shielding.shield",
-                 [](Wind& wind, size_t, std::span<const double> n, std::string_view) {
-                     if (wind.shielding) wind.shielding->shield = n[0];
-                 },
-                 value},
-    KeyableParam{"wind.jiggle.frequency",
-                 [](Wind& wind, size_t, std::span<const double> n, std::string_view) {
-                     if (wind.jiggle) wind.jiggle->frequency = n[0];
-                 },
-                 smallness},
-    KeyableParam{"wind.jiggle.damping",
-                 [](Wind& wind, size_t, std::span<const double> n, std::string_view) {
-                     if (wind.jiggle) wind.jiggle->damping = n[0];
-                 },
-                 smallness},
-    KeyableParam{"envelope", // of a groom
-                 [](Wind& wind, size_t, std::span<const double> n, std::string_view text) {
-                     wind.point_envelope = Ramp(n, text);
-                 },
-                 largest_of_ramp},
-    KeyableParam{"wind.collision.offset_scale",
-                 [](Wind& wind, size_t, std::span<const double> n, std::string_view) {
-                     if (wind.collision) wind.collision->offset_scale = n[0];
-                 },
-                 value},
+constexpr std::array keyable_params =
+    {
+        KeyableParam{"wind.direction",
+                     [](Wind& wind, size_t, std::span<const double> n, std::string_view) {
+                         wind.direction = renormalised(Vec3d(n.data()));
+                     },
+                     nullptr},
+        KeyableParam{
+            "wind.speed",
+            [](Wind& wind, size_t, std::span<const double> n, std::string_view) { wind.speed = n[0]; },
+            strength},
+        KeyableParam{
+            "wind.calm",
+            [](Wind& wind, size_t, std::span<const double> n, std::string_view) { wind.calm = n[0]; }, value},
+        KeyableParam{"wind.global_rotate",
+                     [](Wind& wind, size_t, std::span<const double> n, std::string_view) {
+                         wind.global_rotate = n[0];
+                     },
+                     value},
+        KeyableParam{"wind.ramp_rotate",
+                     [](Wind& wind, size_t, std::span<const double> n, std::string_view text) {
+                         wind.ramp_rotate = Ramp(n, text);
+                     },
+                     largest_of_ramp},
+        KeyableParam{
+            "wind.waviness",
+            [](Wind& wind, size_t, std::span<const double> n, std::string_view) { wind.waviness = n[0]; },
+            magnitude},
+        KeyableParam{"wind.noise.amplitude",
+                     [](Wind& wind, size_t, std::span<const double> n, std::string_view) {
+                         wind.noise_amplitude = n[0];
+                     },
+                     value},
+        KeyableParam{
+            "wind.noise.evolution",
+            [](Wind& wind, size_t, std::span<const double> n, std::string_view) { wind.evolution = n[0]; },
+            magnitude},
+        KeyableParam{"wind.gusts.strength",
+                     [](Wind& wind, size_t, std::span<const double> n, std::string_view) {
+                         if (wind.gusts) wind.gusts->strength = n[0];
+                     },
+                     value},
+        KeyableParam{"wind.gusts.control[].strength",
+                     [](Wind& wind, size_t control, std::span<const double> n, std::string_view) {
+                         if (wind.gusts) wind.gusts->controls[control].strength = n[0];
+                     },
+                     magnitude},
+        KeyableParam{"wind.field[].velocity",
+                     [](Wind& wind, size_t field, std::span<const double> n, std::string_view) {
+                         if (field < wind.fields.size()) wind.fields[field].velocity = Vec3d(n.data());
+                     },
+                     length},
+        KeyableParam{"wind.field[].swirl",
+                     [](Wind& wind, size_t field, std::span<const double> n, std::string_view) {
+                         if (field < wind.fields.size()) wind.fields[field].swirl = n[0];
+                     },
+                     magnitude},
+        KeyableParam{"wind.field[].pull",
+                     [](Wind& wind, size_t field, std::span<const double> n, std::string_view) {
+                         if (field < wind.fields.size()) wind.fields[field].pull = n[0];
+                     },
+                     magnitude},
+        KeyableParam{"wind.field[].weight",
+                     [](Wind& wind, size_t field, std::span<const double> n, std::string_view) {
+                         if (field < wind.fields.size()) wind.fields[field].weight = n[0];
+                     },
+                     value},
+        KeyableParam{"wind.shielding.shield",
+                     [](Wind& wind, size_t, std::span<const double> n, std::string_view) {
+                         if (wind.shielding) wind.shielding->shield = n[0];
+                     },
+                     value},
+        KeyableParam{"wind.jiggle.frequency",
+                     [](Wind& wind, size_t, std::span<const double> n, std::string_view) {
+                         if (wind.jiggle) wind.jiggle->frequency = n[0];
+                     },
+                     smallness},
+        KeyableParam{"wind.jiggle.damping",
+                     [](Wind& wind, size_t, std::span<const double> n, std::string_view) {
+                         if (wind.jiggle) wind.jiggle->damping = n[0];
+                     },
+                     smallness},
+        KeyableParam{"envelope", // of a groom
+                     [](Wind& wind, size_t, std::span<const double> n, std::string_view text) {
+                         wind.point_envelope = Ramp(n, text);
+                     },
+                     largest_of_ramp},
+        KeyableParam{"wind.collision.offset_scale",
+                     [](Wind& wind, size_t, std::span<const double> n, std::string_view) {
+                         if (wind.collision) wind.collision->offset_scale = n[0];
+                     },
+                     value},
 };
 
 // Makes the directions unit.
@@ -179,7 +204,8 @@ void add_record(const Values& values, Wind& wind, std::vector<KeyedWind::Track>&
     constexpr const char *name = "wind.record", *frames = "wind.record_frames", *id = "wind.record";
     if (!values.has(name)) {
         if (values.has(frames))
-            throw SceneFault(id, values.at(frames).place, "wind.record_frames has no effect without wind.record",
+            throw SceneFault(id, values.at(frames).place,
+                             "wind.record_frames has no effect without wind.record",
                              "give record = \"FILE.csv\"");
         return;
     }
@@ -216,9 +242,12 @@ void read_keys(const Values& values, Wind& wind) {
             add_given(values, param, name, 0, wind, tracks);
             continue;
         }
-        for (size_t i = 0; wind.gusts && i < wind.gusts->controls.size(); ++i)
-            add_given(values, param, fmt::format("{}[{}].{}", name.substr(0, list), i, name.substr(list + 3)),
-                      i, wind, tracks);
+        for (size_t i = 0;; ++i) {
+            const std::string element =
+                fmt::format("{}[{}].{}", name.substr(0, list), i, name.substr(list + 3));
+            if (!values.has(element)) break;
+            add_given(values, param, element, i, wind, tracks);
+        }
     }
     add_record(values, wind, tracks);
     if (tracks.empty()) return;

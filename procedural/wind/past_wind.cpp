@@ -14,6 +14,7 @@ WindAt wind_with_gusts(const Wind& wind, double frame, double fps, bool with_gus
     at.wind = at.own ? at.own.get() : &wind;
     if (wind.gusts && with_gusts)
         at.gusts = gusts_at(*at.wind->gusts, gust_carrier(wind), frame, fps, within);
+    at.fields = fields_at(at.wind->fields, frame);
     return at;
 }
 
@@ -33,7 +34,8 @@ const WindAt& PastWind::at(int64_t past_sample) {
     Made& made = *made_.at(size_t(past_sample - first_));
     std::call_once(made.once, [&] {
         made.wind = wind_with_gusts(*wind_, double(past_sample) * key_.step, key_.fps, true, key_.within);
-        made.bytes = made.wind.gusts.bytes() + (made.wind.own ? sizeof(Wind) : 0);
+        made.bytes = made.wind.gusts.bytes() + (made.wind.own ? sizeof(Wind) : 0) +
+                     made.wind.fields.capacity() * sizeof(FieldAt);
     });
     return made.wind;
 }

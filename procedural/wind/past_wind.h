@@ -16,9 +16,8 @@ namespace marram {
 struct WindAt {
     const Wind* wind = nullptr; // `own`, or the scene's if it has no keys
     std::shared_ptr<const Wind> own;
-    GustField gusts; // refers to wind->gusts
-
-    const GustField* field() const { return gusts.levels.empty() ? nullptr : &gusts; }
+    GustField gusts;             // refers to wind->gusts
+    std::vector<FieldAt> fields; // of wind->fields
 };
 // with_gusts: false if the caller needs none. `within`: as in gusts_at().
 WindAt wind_with_gusts(const Wind& wind, double frame, double fps, bool with_gusts,

@@ -41,19 +41,24 @@ struct Strands {
     WideVector<Wide3d> root_normal;  // [blocks]: normal of the skin at the root, unit
     WideVector<VDouble> width;       // [blocks]: width of a strand, metres; the radius profile scales it
     WideVector<VFloat> wind_share;   // [blocks] if has_wind_share: factor of the envelope
-    WideVector<VDouble> u;           // [blocks * cvs] if irregular; else CV k is at k / (cvs - 1)
-    WideVector<VFloat> radius;       // [blocks * cvs] if irregular, metres
-    WideVector<Wide3d> points;       // [cvs] scratch
-    WideVector<Wide3f> values;       // [2 * cvs] scratch
+    // [blocks] where the wind has fields, else empty: unit, and response(speed), at the roots.
+    WideVector<Wide3d> wind_direction;
+    WideVector<VFloat> wind_response;
+    WideVector<VDouble> u;     // [blocks * cvs] if irregular; else CV k is at k / (cvs - 1)
+    WideVector<VFloat> radius; // [blocks * cvs] if irregular, metres
+    WideVector<Wide3d> points; // [cvs] scratch
+    WideVector<Wide3f> values; // [2 * cvs] scratch
 
     size_t bytes() const {
         return (rest.capacity() + pose.capacity() + rest_normal.capacity() + pose_normal.capacity() +
                 values.capacity()) *
                    sizeof(Wide3f) +
                (envelope.capacity() + shield.capacity() + gust.capacity() + wind_share.capacity() +
-                radius.capacity()) *
+                radius.capacity() + wind_response.capacity()) *
                    sizeof(VFloat) +
-               (noise_origin.capacity() + root_normal.capacity() + points.capacity()) * sizeof(Wide3d) +
+               (noise_origin.capacity() + root_normal.capacity() + points.capacity() +
+                wind_direction.capacity()) *
+                   sizeof(Wide3d) +
                (width.capacity() + u.capacity()) * sizeof(VDouble);
     }
 

@@ -24,9 +24,10 @@ constexpr std::array own_params = {
         "background wind, 0 to 1; default: 0 (still air between gusts) if there are gusts, else 1")),
     param::ramp("response", "m/s", "[[0, 0], [10, 1]]", -max_wind_input, max_wind_input,
                 "strength of the wind, 0 to 1, over its speed; 0 at speed 0"),
-    param::table("record", "none", "time|speed|direction",
-                 "CSV of a measured wind in place of speed and direction: columns time (h), speed (m/s), direction "
-                 "(deg from north, -z, from which); needs record_frames"),
+    param::table(
+        "record", "none", "time|speed|direction",
+        "CSV of a measured wind in place of speed and direction: columns time (h), speed (m/s), direction "
+        "(deg from north, -z, from which); needs record_frames"),
     param::range("record_frames", "frames", "none", -1e6, 1e6, "frames of the record's first and last row"),
     param::keyable(
         param::number("global_rotate", "", "0.6", 0, 1, "scale of each segment's turn towards the wind")),
@@ -66,7 +67,8 @@ NoiseType noise_type(std::string_view name) {
 std::span<const MarramParam> wind_params() {
     static const std::vector<MarramParam> all = [] {
         std::vector<MarramParam> list(own_params.begin(), own_params.end());
-        for (const auto stage : {gust_params(), shielding_params(), jiggle_params(), collision_params()})
+        for (const auto stage :
+             {gust_params(), field_params(), shielding_params(), jiggle_params(), collision_params()})
             list.insert(list.end(), stage.begin(), stage.end());
         return list;
     }();
@@ -130,6 +132,7 @@ Wind read_wind(const Values& values) {
             throw SceneFault("noise.empty_loop", values.at("wind.noise.loop").place,
                              "noise.loop has no length", "give two different frames");
     }
+    wind.fields = read_fields(values);
     wind.shielding = read_shielding(values);
     wind.jiggle = read_jiggle(values);
     wind.collision = read_collision(values);
@@ -138,6 +141,16 @@ Wind read_wind(const Values& values) {
 }
 
 double wind_response(const Wind& wind) { return std::clamp(wind.response(wind.speed), 0.0, 1.0); }
+
+double max_response(const Wind& wind) {
+    if (wind.fields.empty()) return wind_response(wind);
+    double fastest = wind.speed;
+    for (const PlacedField& field : wind.fields) fastest += max_speed(field);
+    double most = std::max(wind.response(wind.speed), wind.response(fastest));
+    for (const double knot : wind.response.positions())
+        if (knot > 0.0 && knot < fastest) most = std::max(most, wind.response(knot));
+    return std::clamp(most, 0.0, 1.0);
+}
 
 double max_turn_fraction(const Wind& wind) {
     double most = 0.0;
@@ -166,11 +179,12 @@ int negligible_octaves(const Wind& wind, double length, double tolerance) {
 }
 
 bool wind_bends(const Wind& wind) {
-    return wind_response(wind) > 0.0 && wind.global_rotate > 0.0 && (wind.calm > 0.0 || wind.gusts);
+    return max_response(wind) > 0.0 && wind.global_rotate > 0.0 && (wind.calm > 0.0 || wind.gusts);
 }
 
 bool wind_moves(const Wind& wind) {
-    if (wind.keys) return wind_bends(wind);
+    const auto moving = [](const PlacedField& field) { return field.transform.moves(); };
+    if (wind.keys || std::ranges::any_of(wind.fields, moving)) return wind_bends(wind);
     const bool travels = wind.speed > 0.0 && wind.noise.frequency > 0.0;
     const bool ripples = wind.noise_amplitude > 0.0 && (travels || wind.evolution != 0.0);
     return wind_bends(wind) && (ripples || (wind.gusts && gusts_move(*wind.gusts)));

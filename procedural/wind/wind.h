@@ -10,6 +10,7 @@
 #include "procedural/wind/collide.h"
 #include "procedural/wind/gusts.h"
 #include "procedural/wind/jiggle.h"
+#include "procedural/wind/local_wind.h"
 #include "procedural/wind/shield.h"
 
 #include <memory>
@@ -38,6 +39,7 @@ struct Wind {
     bool loops = false;                      // the noise at loop_end equals the noise at loop_begin
     double loop_begin = 0.0, loop_end = 0.0; // frames
     // Optional stages, set if the scene uses them.
+    std::vector<PlacedField> fields; // where the wind differs from place to place
     std::optional<Shielding> shielding;
     std::optional<Jiggle> jiggle; // damped oscillation about the bent pose
     std::optional<Collision> collision;
@@ -57,6 +59,8 @@ Wind read_wind(const Values& values);
 
 // response(speed), clamped to [0, 1]: the envelope's factor for this wind speed.
 double wind_response(const Wind& wind);
+// The largest response that fields may make of it.
+double max_response(const Wind& wind);
 
 // The largest fraction of its angle to the wind that any segment turns by, 0 ... 1.
 double max_turn_fraction(const Wind& wind);

@@ -119,6 +119,28 @@ TEST(KeyedWind, ThatStopsLeavesStrandsAtRest) {
     EXPECT_GT(largest_difference(pose_in(stops + jiggles, 30), pose_in(still, 30)), 1e-3);
 }
 
+// A whirl turns strands where it is, as it moves on; strands elsewhere stand in the mean wind, here none.
+TEST(WindFields, BlowWhereTheyAre) {
+    const std::string whirl =
+        "field = [{ shape = \"box\", swirl = 8, mode = \"replace\", transform = { keys = "
+        "[{ frame = 1, translate = [-3, 0, 0] }, { frame = 24, translate = [0.6, 0.9, 0], scale = "
+        "[0.8, 0.5, 0.8] }] } }]\n";
+    const Pose rest = pose_in("speed = 0\n", 24), before = pose_in(whirl, 1), now = pose_in(whirl, 24);
+    EXPECT_EQ(rest, before);
+    size_t moved = 0, moved_elsewhere = 0;
+    for (size_t c = 0; c < 300; ++c) {
+        const size_t root = 4 * (c * 8 + 1), tip = 4 * (c * 8 + 6);
+        const Vec3d at = Vec3f(rest.data() + root).cast<double>();
+        const bool inside =
+            std::abs(at.x() - 0.6) < 0.8 && std::abs(at.y() - 0.9) < 0.5 && std::abs(at.z()) < 0.8;
+        const bool moves = (Vec3f(now.data() + tip) - Vec3f(rest.data() + tip)).norm() > 0.0F;
+        moved += moves && inside;
+        moved_elsewhere += moves && !inside;
+    }
+    EXPECT_GT(moved, 20U);
+    EXPECT_EQ(moved_elsewhere, 0U);
+}
+
 // Frames in any order, alone, among sub-frames, in one thread: the same bits.
 TEST(KeyedWind, KeepsFramesIndependent) {
     const std::string given =
@@ -131,6 +153,8 @@ TEST(KeyedWind, KeepsFramesIndependent) {
         "noise = { amplitude = { keys = [[1, 0], [30, 0.9]] }, evolution = { keys = [[1, 0], [30, 2]] } }\n"
         "gusts = { num_gusts = 30, radius_range = [0.3, 0.8], strength = { keys = [[1, 1], [30, 3]] }, "
         "control = [{ strength = { keys = [[1, 0], [30, 1]] } }] }\n"
+        "field = [{ swirl = { keys = [[1, 0], [30, 6]] }, transform = { keys = [{ frame = 1 }, { frame = 40, "
+        "translate = [0.5, 0, 0] }] } }]\n"
         "shielding = { offset = 2, shield = { keys = [[1, 0], [30, 1]] } }\n"
         "jiggle = { frequency = { keys = [[1, 1], [20, 4]] }, damping = { keys = [[1, 0.3], [30, 0.8]] } }\n"
         "collision = { solver = \"exact\", offset_scale = { keys = [[1, 0.1], [30, 0.8]] } }\n";
@@ -155,8 +179,10 @@ TEST(KeyedWind, KeepsFramesIndependent) {
 // A measured wind is the same as keys; an entry from the opposite side turns the wind clockwise on the way.
 TEST(KeyedWind, MayBeMeasured) {
     const std::string file = ::testing::TempDir() + "marram_record_" + std::to_string(::getpid()) + ".csv";
-    std::ofstream(file) << "time (s), u10 [km/h], wd\n100, 7.2, 270\n110, 32.4, 270\n120, 14.4, 0\n130, 14.4, 180\n";
-    const std::string recorded = everything + jiggles + "record = \"" + file + "\"\nrecord_frames = [10, 70]\n";
+    std::ofstream(file)
+        << "time (s), u10 [km/h], wd\n100, 7.2, 270\n110, 32.4, 270\n120, 14.4, 0\n130, 14.4, 180\n";
+    const std::string recorded =
+        everything + jiggles + "record = \"" + file + "\"\nrecord_frames = [10, 70]\n";
     const std::string keyed = everything + jiggles +
                               "speed = { keys = [[10, 2], [30, 9], [50, 4], [60, 4], [70, 4]] }\n"
                               "direction = { keys = [[10, [1, 0, 0]], [30, [1, 0, 0]], [50, [0, 0, 1]], "
@@ -207,6 +233,8 @@ TEST(KeyedWind, SaysWhatIsWrong) {
          "the wind's direction is zero at frame 9"},
         {"ramp_rotate = { keys = [[1, [[0, 1]]], [5, [[0, 1], [1, 2]]]] }",
          "has other knots than the first key"},
+        {"field = [{ swirl = 3, ramp = [[0, 1]] }]", "wind.field[0].ramp jumps"},
+        {"field = [{ swirl = 3, type = \"vortex\" }]", "wind.field[0].type is unknown"},
         {"jiggle = { frequency = { keys = [[1, 2], [9, 0]] } }", "jiggle.frequency is 0 at a key"},
         {"jiggle = { frequency = { keys = [[1, 0], [9, 2]] } }", "jiggle.frequency is 0 at a key"},
         {"jiggle = { frequency = 2, damping = { keys = [[1, 0.2], [9, 0]] } }",

@@ -150,6 +150,7 @@ TEST(KeyedWind, KnowsEveryKeyableParameter) {
     Wind wind;
     wind.response = Ramp(std::array{0.0, 0.0, 10.0, 1.0}, "linear");
     wind.gusts.emplace().controls.emplace_back();
+    wind.fields.emplace_back();
     wind.jiggle.emplace().start_frame = 0.0;
     wind.shielding.emplace();
     wind.collision.emplace();

@@ -1,0 +1,70 @@
+// SPDX-License-Identifier: Apache-2.0
+// Fields: places where the wind differs from the mean wind, such as whirls, draughts and shelters.
+//
+//     v(P) = speed w, changed by each field in turn:    v <- v + s F(x)            mode "add"
+//                                                       v <- v + s (F(x) - v)      mode "replace"
+//     x = M (P - C),    s = weight * ramp(t),    t = |x| of a sphere, the largest |x_a| of a box;    s = 0 unless t < 1
+//     F = R (velocity + swirl c(rho) e_phi - pull c(r) e_r),    c(q) = 2 (q / core) / (1 + (q / core)^2)
+//
+// C, R and M = (R * scale)^-1 are from the field's keyed transform. Swirl is about the field's y axis, rho the distance
+// from it and r that from the centre, both in units of the field's size. c is the profile of Scully's vortex (J. F.
+// Scully, MIT ASRL TR 178-1, 1975): 1 at q = core, 0 in the middle, falling as 1 / q outside, and smooth.
+//
+// A strand takes the wind at its root: the direction of v is what it turns towards, and response(|v|) its strength.
+// Noise and gusts are carried by the mean wind. Shelter is upwind of the mean wind.
+//
+// ERROR: double precision, rounded once: 1e-6 of v (local_wind_test.cpp). COST: 15 ns a root and field; a patch
+// outside a field does not pay for it.
+#pragma once
+
+#include "core/math/ramp.h"
+#include "core/math/transform.h"
+#include "core/math/vec.h"
+#include "procedural/abi/values.h"
+#include "procedural/wind/strands.h"
+
+#include <span>
+#include <vector>
+
+namespace marram {
+
+struct PlacedField {
+    bool box = false; // else a sphere
+    bool replaces = false;
+    KeyedTransform transform;
+    Vec3d velocity = Vec3d::Zero(); // m/s, in the field's axes
+    double swirl = 0.0, pull = 0.0; // m/s
+    double core = 0.3;              // of the field's size
+    double weight = 1.0;
+    Ramp ramp;           // from the centre (0) to the surface (1)
+    std::string place{}; // in the scene, for messages
+};
+
+// Parameters of [wind] that start with "field[].".
+std::span<const MarramParam> field_params();
+
+// Reads values named "wind.field[0]....", ... Throws SceneFault.
+std::vector<PlacedField> read_fields(const Values& values);
+
+// Upper bound of what the field adds to the speed, m/s.
+double max_speed(const PlacedField& field);
+
+// A field at one time.
+struct FieldAt {
+    const PlacedField* field;
+    Vec3d center;
+    Eigen::Matrix3d to_unit; // M
+    Eigen::Matrix3d axes;    // R: unit columns
+    Vec3d lower, upper;      // bounds in world space
+};
+// Those that have a volume and a weight. They point to `fields`.
+std::vector<FieldAt> fields_at(std::span<const PlacedField> fields, double frame);
+
+// Whether it has influence in the box at some time within frames [first, last]; up to 1000 times are tried.
+bool field_touches(const PlacedField& field, const Vec2d& frames, const Eigen::AlignedBox3d& box);
+
+// Sets strands.wind_direction and strands.wind_response, from the roots of strands.rest.
+void local_wind(const Vec3d& direction, double speed, const Ramp& response, std::span<const FieldAt> fields,
+                Strands& strands);
+
+} // namespace marram

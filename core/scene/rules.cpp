@@ -67,6 +67,7 @@ void check_camera(const ParamSet& camera, Reading& reading) {
 void check_direction_keys(const ParamValue& direction, Reading& reading) {
     if (!direction.keys) return;
     const Keyframes& keys = *direction.keys;
+    const double opposed = 1.0 + std::cos(170.0 * degree); // between them the turn is uneven, as of the wind
     for (size_t i = 1; i < keys.count(); ++i) {
         const Vec3d before(keys.key(i - 1).data()), now(keys.key(i).data());
         if (!has_direction(now)) {
@@ -76,14 +77,12 @@ void check_direction_keys(const ParamValue& direction, Reading& reading) {
                 "give the direction towards the sun");
             return;
         }
-        constexpr double opposed = 1e-6; // of 1 + cosine
         if (1.0 + before.stableNormalized().dot(now.stableNormalized()) < opposed &&
             keys.interpolation != KeyInterpolation::constant)
-            reading.report(
-                direction.place,
-                fmt::format("the sun turns round between frames {} and {}, and nothing says to which side",
-                            limit(keys.frames[i - 1]), limit(keys.frames[i])),
-                "add a key on the way");
+            reading.report(direction.place,
+                           fmt::format("the sun turns by more than 170 degrees between frames {} and {}",
+                                       limit(keys.frames[i - 1]), limit(keys.frames[i])),
+                           "add a key on the way");
     }
 }
 

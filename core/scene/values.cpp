@@ -98,6 +98,11 @@ std::optional<ParamValue> read_value(const toml::node& node, const ParamSpec& sp
                        "give one value, " + wanted(spec) + "; `marram info` marks what can have keys");
         return {};
     }
+    if (table && spec.keyable && spec.type != ParamType::ramp) {
+        reading.report(value.place, fmt::format("{} is a table without keys", label),
+                       "give " + wanted(spec) + ", or { keys = [[frame, value], ...] }");
+        return {};
+    }
     if (!row_of(spec.type).read(node, spec, label, value, reading)) return {};
     return value;
 }

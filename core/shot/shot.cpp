@@ -91,10 +91,13 @@ void attach_mesh_light(SceneMesh& mesh, const std::vector<Item>& lights, size_t 
             "use two meshes, or leave its shadow_catcher out");
 }
 
-LightDescription make_light(const Item& item, std::vector<LightDescription>& suns,
-                            std::vector<std::string>& warnings) {
+// A light and, of daylight, its sun.
+std::vector<LightDescription> make_light(const Item& item, std::vector<std::string>& warnings) {
     const auto type = std::ranges::find(light_types(), item.type, &LightType::name);
-    return type->make(item.params, light_image_reader(warnings), suns);
+    std::vector<LightDescription> suns, parts;
+    parts.push_back(type->make(item.params, light_image_reader(warnings), suns));
+    std::ranges::move(suns, std::back_inserter(parts));
+    return parts;
 }
 
 bool is_keyed(const Item& item) { return has_keys(item.params); }
@@ -211,14 +214,21 @@ void compute_skies(const Shot& shot, tbb::task_group& tasks) {
             description);
 }
 
+// Suns of daylight come last, as meshes refer to lights by index.
+void gather_lights(Shot& shot) {
+    shot.lights.clear();
+    for (const auto& parts : shot.light_parts) shot.lights.push_back(parts.front());
+    for (const auto& parts : shot.light_parts)
+        shot.lights.insert(shot.lights.end(), parts.begin() + 1, parts.end());
+}
+
 void set_keyed_lights(Shot& shot, double frame) {
-    if (std::ranges::none_of(shot.description.lights, is_keyed)) return;
-    std::vector<LightDescription> lights, suns;
+    const std::vector<Item>& items = shot.description.lights;
+    if (std::ranges::none_of(items, is_keyed)) return;
     std::vector<std::string> said;
-    for (const Item& item : shot.description.lights)
-        lights.push_back(make_light(item_at(item, frame), suns, said));
-    std::ranges::move(suns, std::back_inserter(lights));
-    shot.lights = std::move(lights);
+    for (size_t i = 0; i < items.size(); ++i)
+        if (is_keyed(items[i])) shot.light_parts[i] = make_light(item_at(items[i], frame), said);
+    gather_lights(shot);
 }
 
 void set_keyed_materials(Shot& shot, double frame) {
@@ -321,16 +331,13 @@ Shot load_shot(const std::string& file, const Overrides& overrides, const std::a
         });
     if (shot.materials.size() == description.materials.size())
         collect_problems([&] { resolve_blends(shot); });
-    std::vector<LightDescription> suns; // of daylight; appended last, as meshes refer to lights by index
     for (const Item& item : description.lights)
         collect_problems([&] {
-            shot.lights.push_back(make_light(item, suns, shot.light_warnings));
-            check_keys(item, [&](const Item& at_key) {
-                std::vector<LightDescription> others;
-                make_light(at_key, others, shot.light_warnings);
-            });
+            shot.light_parts.push_back(make_light(item, shot.light_warnings));
+            std::vector<std::string> said;
+            check_keys(item, [&](const Item& at_key) { make_light(at_key, said); });
         });
-    std::ranges::move(suns, std::back_inserter(shot.lights));
+    gather_lights(shot);
     // A sky takes 0.5 s of a processor, loading the library for images 0.4 s: on two threads they overlap.
     tbb::task_group tasks;
     if (overrides.makes_pictures) compute_skies(shot, tasks);

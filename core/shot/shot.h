@@ -39,7 +39,8 @@ struct Shot {
     SceneGeometry geometry;
     std::vector<Material> materials;
     std::vector<LightDescription> lights;
-    std::vector<std::string> warnings;       // one line each
+    std::vector<std::vector<LightDescription>> light_parts; // [light of the description]: itself, its sun
+    std::vector<std::string> warnings;                      // one line each
     std::vector<std::string> light_warnings; // the same of lights: only pictures depend on them
     std::string state_folder;                // where simulations keep their states
 };

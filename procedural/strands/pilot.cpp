@@ -4,6 +4,7 @@
 #include "procedural/strands/mesh_instances.h"
 
 #include "procedural/wind/bend.h"
+#include "procedural/wind/keyed_wind.h"
 
 #include <algorithm>
 #include <cmath>
@@ -289,10 +290,15 @@ JigglePilot jiggle_pilot(const PilotGroom& pilot, double tolerance) {
             }};
 }
 
-double jiggle_moment(double frame) {
-    constexpr double together = 16.0; // frames
-    constexpr double within = 9.375;  // within a step of every length
-    return std::floor(frame / together) * together + within;
+std::vector<double> jiggle_moments(const Wind& wind, double frame) {
+    constexpr double together = 16.0, before = 48.0; // frames
+    constexpr double within = 9.375;                 // within a step of every length
+    const double first = std::floor(frame / together) * together;
+    const auto changes = [&](const KeyedWind::Track& track) {
+        return track.keys.frames.front() < first + together && track.keys.frames.back() > first - before;
+    };
+    if (!wind.keys || std::ranges::none_of(wind.keys->tracks, changes)) return {first + within};
+    return {first + within, first + 1.375, first + 5.375, first + 13.375, first + together};
 }
 
 Choice jiggle_step_for(const JigglePilot& pilot, double moment, bool skin_moves) {

@@ -20,15 +20,6 @@ std::string_view place_of_value(const Values& values, const std::string& name) {
     return value && value->place ? value->place : "";
 }
 
-// False: a default. Defaults have the place of their table in common, or none.
-bool is_given(const Values& values, const std::string& name) {
-    const std::string_view place = place_of_value(values, name);
-    return !place.empty() && std::ranges::none_of(wind_params(), [&](const MarramParam& param) {
-        const std::string other = std::string("wind.") + param.name;
-        return other != name && place_of_value(values, other) == place;
-    });
-}
-
 // A scene that gives one of these wants wind.
 bool asks_for_wind(const Values& given, const Wind& wind) {
     return wind.gusts || wind.jiggle || wind.shielding || is_given(given, "wind.direction") ||
@@ -149,9 +140,9 @@ std::string wind_summary(const Wind& wind, const MarramFrame& frame, const Eigen
                   fmt::join(keyed_names(wind), ", "))
             : fmt::format("wind: towards {}, {:g} m/s, strength {:.3g} of 1 by response\n",
                           direction_text(wind.direction), wind.speed, response);
-    text += wind.gusts        ? fmt::format("  between gusts: {:.3g} of that (calm)\n", wind.calm)
-            : wind.calm < 1.0 ? fmt::format("  calm: {:.3g} of that\n", wind.calm)
-                              : "";
+    text += wind.gusts       ? fmt::format("  between gusts: {:.3g} of that (calm)\n", now.calm)
+            : now.calm < 1.0 ? fmt::format("  calm: {:.3g} of that\n", now.calm)
+                             : "";
     if (wind.gusts) text += gust_text(wind, frame, strands);
     if (!wind.fields.empty()) text += fmt::format("  fields: {}\n", wind.fields.size());
     std::string stages;

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <limits>
 
 namespace marram {
@@ -78,7 +79,10 @@ void AirPath::add_pieces(double begin, double end, int halvings) {
     if (directions_ && halvings < max_halvings && begin < middle && middle < end) {
         const Vec3d halves = over(begin, middle) + over(middle, end);
         const double way = (end - begin) * std::max(speed(begin), speed(end));
-        if (!((halves - whole).norm() <= halving_tolerance * way)) {
+        // Frames are rounded, and with them where on its way the direction is.
+        const double rounding = 8.0 * std::numeric_limits<double>::epsilon() *
+                                std::max(std::abs(begin), std::abs(end)) * std::max(speed(begin), speed(end));
+        if (!((halves - whole).norm() <= halving_tolerance * way + rounding)) {
             add_pieces(begin, middle, halvings + 1);
             add_pieces(middle, end, halvings + 1);
             return;

@@ -9,7 +9,8 @@
 //
 // Computed by Gauss-Legendre quadrature with eight points, which is exact for the polynomials of linear and
 // smooth speed. Where the direction turns, pieces between keys are halved until halving again changes D by
-// less than 1e-13 of the way; error < 1e-12 of the way (keyed_wind_test.cpp).
+// less than 1e-13 of the way or by the rounding of frames; error < 1e-12 of the way plus what the air moves in
+// 1e-15 of the frame's number (keyed_wind_test.cpp).
 #pragma once
 
 #include "core/math/keyframes.h"
@@ -39,6 +40,7 @@ class AirPath {
     bool is_steady_until(double frame) const { return frame <= steady_until_; }
     Vec3d displacement(double frame) const; // D, in metres a second times frames
     bool moves() const;                     // false: D is 0 at all times
+    size_t pieces() const { return pieces_.size(); }
     bool turns() const { return directions_.has_value(); }
 
   private:

@@ -142,9 +142,9 @@ void read_speed(const Values& values, Gusts& gusts) {
     if (values.has(relative))
         throw SceneFault("gusts.two_speeds", place, "wind.gusts has two speeds",
                          "keep speed_range or relative_speed_range");
-    if (values.keyframes("wind.speed"))
+    if (values.keyframes("wind.speed") || values.has("wind.record"))
         throw SceneFault("gusts.speed_in_keyed_wind", place,
-                         "wind.gusts.speed_range is constant, and wind.speed has keys",
+                         "wind.gusts.speed_range is constant, and the wind's speed is not",
                          "give relative_speed_range in place of it, such as [0.9, 1.1]");
 }
 
@@ -268,22 +268,28 @@ Vec3d place_across(const Gusts& gusts, const CrosswindAxes& sides, uint64_t key)
            sides.upright * ((draw(key, Draw::up) - 0.5) * gusts.extent->y());
 }
 
-// Its centre at an age in frames, after its start at `born`; `air` is that at this age.
-Vec3d center_of(const GustContext& passage, uint64_t key, double born, double age, const AirAt& air) {
+// Its centre at an age in frames after its start at `born`; `air` is that at this age. A gust is seen from its
+// fade-in on. Where it comes from must not depend on a wind to come: its plane is across the wind of that time, and it
+// goes towards it as it would in that wind.
+Vec3d center_of(const GustContext& passage, const DrawnGust& gust, double born, double age,
+                const AirAt& air) {
     const Gusts& gusts = passage.gusts;
     const GustCarrier& wind = passage.wind;
-    const double speed = draw(key, Draw::speed, gusts.speed);
-    if (!wind.path || wind.path->is_steady_until(std::max(born, air.frame))) {
+    const double speed = draw(gust.key, Draw::speed, gusts.speed);
+    if (!wind.path || wind.path->is_steady_until(air.frame)) {
         const double unit = !gusts.speed_is_relative ? 1.0
                             : wind.path              ? wind.path->speed(air.frame)
                                                      : wind.speed;
         const double travelled = speed * unit * age / passage.fps;
-        return passage.plane.origin + place_across(gusts, passage.plane.sides, key) +
+        return passage.plane.origin + place_across(gusts, passage.plane.sides, gust.key) +
                wind.direction * travelled;
     }
-    const GustPlane plane = plane_across(gusts, wind.path->direction(born));
-    const Vec3d way = air.displacement - wind.path->displacement(born);
-    return plane.origin + place_across(gusts, plane.sides, key) + way * (speed / passage.fps);
+    const double seen = born - gust.fade;
+    const Vec3d w = wind.path->direction(seen);
+    const GustPlane plane = plane_across(gusts, w);
+    const Vec3d way =
+        air.displacement - wind.path->displacement(seen) - wind.path->speed(seen) * gust.fade * w;
+    return plane.origin + place_across(gusts, plane.sides, gust.key) + way * (speed / passage.fps);
 }
 
 void add_gust(const GustContext& passage, const AirAt& air, int64_t repetition, uint64_t index,
@@ -297,7 +303,7 @@ void add_gust(const GustContext& passage, const AirAt& air, int64_t repetition, 
     const double swell = smooth_step(std::min(1.0, (age + fade) / fade));
     const double decay = smooth_step(std::min(1.0, (life - age) / fade));
     Influence influence;
-    influence.center = center_of(passage, key, gust.start + double(repetition) * gusts.period, age, air);
+    influence.center = center_of(passage, gust, gust.start + double(repetition) * gusts.period, age, air);
     influence.to_unit = Eigen::Matrix3d::Identity() * (1.0 / radius);
     influence.lumps = draw(key, Draw::radius_noise, gusts.radius_noise);
     influence.lump_seed = static_cast<uint32_t>(hash(key, uint64_t(Draw::lump_seed)) >> 32);
@@ -600,7 +606,7 @@ GustContacts gusts_touching(const Gusts& gusts, const GustCarrier& wind, const V
             const Eigen::AlignedBox3d around(box.min() - reach, box.max() + reach);
             const auto at = [&](int part) {
                 const double age = from + (to - from) * part / parts;
-                return center_of(passage, gust.key, born, age, air_at(wind, born + age));
+                return center_of(passage, gust, born, age, air_at(wind, born + age));
             };
             bool touches = false;
             for (int part = 0; part < parts && !touches; ++part)

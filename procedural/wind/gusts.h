@@ -42,11 +42,12 @@
 //     weight = strength * s(min(1, (age + d) / d)) * s(min(1, (life - age) / d)),   d = min(max(decay, 1), life)
 //     s(y) = y^2 (3 - 2 y)                                          alive: -d < age < life and life > 0 and 1 / radius is finite.
 //
-// In a wind that has keys, w, a and b are those at the gust's start frame: it leaves from a plane across the wind
-// of its start. It goes with the air, whose displacement is D (air_path.h): w * speed * age / fps becomes
-// factor * (D(now) - D(start)) / fps, factor drawn from relative_speed_range; or, for a gust with a speed of its
-// own, speed * (D1(now) - D1(start)) / fps with D1 that of a wind of 1 m/s. So a gust stands while the wind
-// stops. (speed_range is an error if the wind's speed has keys.)
+// In a wind that has keys, w, a and b are those at the frame when the gust begins to fade in, s = start - d: it
+// leaves from a plane across that wind, and does not know of a wind to come. It goes with the air, whose
+// displacement is D (air_path.h): w * speed * age / fps becomes factor * (D(now) - D(s) - d v(s) w(s)) / fps, factor
+// drawn from relative_speed_range and v the wind's speed; or, for a gust with a speed of its own, the same with
+// that speed and with D and v of a wind of 1 m/s. So a gust stands while the wind stops. (speed_range is an error
+// if the wind's speed has keys.)
 //
 // At its start frame a gust is at the plane upwind, at full strength. It fades out over the last d frames of
 // its life: over all of it if decay is longer, and over at least one frame, so that nothing pops. For the

@@ -35,7 +35,7 @@ struct Jiggle {
     double damping = 0.3;   // ratio to critical damping
     Ramp stiffness;         // over u, root to tip: scales the frequency, > 0
     double step = 0.5;      // frames between past samples; 0: to be derived from the tolerance
-    // Of keyed ones. frequency and damping are then the smallest of the keys: the longest memory.
+    // Of keyed ones. frequency and damping are then those of the keys with the longest memory.
     std::optional<Keyframes> frequencies, dampings;
     std::optional<double> start_frame;
     double memory = 1024.0; // MB of states that a procedural keeps from frame to frame

@@ -24,6 +24,12 @@ double value(const Wind&, std::span<const double> numbers) { return numbers[0]; 
 double magnitude(const Wind&, std::span<const double> numbers) { return std::abs(numbers[0]); }
 double length(const Wind&, std::span<const double> numbers) { return Vec3d(numbers.data()).norm(); }
 double smallness(const Wind&, std::span<const double> numbers) { return -numbers[0]; }
+// Minus the rate at which an oscillator of damping zeta forgets, over its frequency: zeta, or of an overdamped
+// one zeta - sqrt(zeta^2 - 1). Between two keys the rate is not below both.
+double memory(const Wind&, std::span<const double> numbers) {
+    const double zeta = numbers[0];
+    return zeta < 1.0 ? -zeta : -1.0 / (zeta + std::sqrt(zeta * zeta - 1.0));
+}
 double largest_of_ramp(const Wind&, std::span<const double> numbers) {
     double most = 0.0;
     for (size_t i = 1; i < numbers.size(); i += 2) most = std::max(most, numbers[i]);
@@ -113,7 +119,7 @@ constexpr std::array keyable_params =
                      [](Wind& wind, size_t, std::span<const double> n, std::string_view) {
                          if (wind.jiggle) wind.jiggle->damping = n[0];
                      },
-                     smallness},
+                     memory},
         KeyableParam{"envelope", // of a groom
                      [](Wind& wind, size_t, std::span<const double> n, std::string_view text) {
                          wind.point_envelope = Ramp(n, text);
@@ -129,7 +135,9 @@ constexpr std::array keyable_params =
 // Makes the directions unit.
 void normalise(const Values& values, Keyframes& directions) {
     const std::string place = values.at("wind.direction").place;
-    constexpr double opposed = 1e-6; // of 1 + cosine: within 0.08 degrees
+    // Half way, the interpolated direction turns 2 tan(angle / 2) / angle times as fast as on average: 7.7 times
+    // at this angle, and without bound beyond.
+    const double opposed = 1.0 + std::cos(170.0 * degree);
     Vec3d before = Vec3d::Zero();
     for (size_t i = 0; i < directions.count(); ++i) {
         const Vec3d given(directions.key(i).data());
@@ -141,9 +149,8 @@ void normalise(const Values& values, Keyframes& directions) {
         if (1.0 + before.dot(unit) < opposed && directions.interpolation != KeyInterpolation::constant)
             throw SceneFault(
                 "wind.reversal", place,
-                fmt::format(
-                    "the wind turns round between frames {:g} and {:g}, and nothing says to which side",
-                    directions.frames[i - 1], directions.frames[i]),
+                fmt::format("the wind turns by more than 170 degrees between frames {:g} and {:g}",
+                            directions.frames[i - 1], directions.frames[i]),
                 "add a key on the way, such as a direction across it");
         std::ranges::copy(unit, directions.numbers.begin() + std::ptrdiff_t(3 * i));
         before = unit;
@@ -210,9 +217,11 @@ void add_record(const Values& values, Wind& wind, std::vector<KeyedWind::Track>&
         return;
     }
     const std::string place = values.at(name).place;
-    if (wind.speed != 0.0 || values.keyframes("wind.speed") || values.keyframes("wind.direction"))
-        throw SceneFault(id, place, "wind.record and another speed or direction are given",
-                         "keep one of them");
+    for (const char* other : {"wind.speed", "wind.direction"})
+        if (is_given(values, other) || (wind.speed != 0.0 && std::string_view(other) == "wind.speed"))
+            throw SceneFault(id, values.at(other).place,
+                             fmt::format("{} is given, and so is wind.record, at {}", other, place),
+                             "keep one of them");
     if (!values.has(frames))
         throw SceneFault(id, place, "wind.record needs the frames at which it begins and ends",
                          "add record_frames = [first, last]");
@@ -257,16 +266,20 @@ void read_keys(const Values& values, Wind& wind) {
         return {};
     };
     if (wind.jiggle) check_jiggle(values, wind);
-    const std::optional<Keyframes> speeds = keys_of("wind.speed"), directions = keys_of("wind.direction");
+    const std::optional<Keyframes> speeds = keys_of("wind.speed"), directions = keys_of("wind.direction"),
+                                   evolutions = keys_of("wind.noise.evolution");
+    if (wind.loops && (speeds || directions || evolutions))
+        throw SceneFault("noise.keyed_loop", values.at("wind.noise.loop").place,
+                         "wind.noise.loop repeats the noise, and the air that carries it has keys",
+                         "remove noise.loop, or the keys of speed, direction and evolution");
     if (speeds) take_strongest_speed(*speeds, wind);
     if (wind.jiggle) {
         wind.jiggle->frequencies = keys_of("wind.jiggle.frequency");
         wind.jiggle->dampings = keys_of("wind.jiggle.damping");
     }
-    wind.keys = std::make_shared<const KeyedWind>(
-        KeyedWind{std::move(tracks), AirPath(speed, direction, speeds, directions),
-                  AirPath(1.0, direction, {}, directions),
-                  AirPath(evolution, Vec3d::UnitX(), keys_of("wind.noise.evolution"), {})});
+    wind.keys = std::make_shared<const KeyedWind>(KeyedWind{
+        std::move(tracks), AirPath(speed, direction, speeds, directions),
+        AirPath(1.0, direction, {}, directions), AirPath(evolution, Vec3d::UnitX(), evolutions, {})});
 }
 
 GustCarrier gust_carrier(const Wind& wind) {

@@ -25,7 +25,8 @@ struct MeasuredWind {
 MeasuredWind read_measured_wind(const MarramValue& table, const char* id, const std::string& place);
 
 // The same as keys of speed and of the unit direction in which it blows, with the first row at `first` and the
-// last one at `last`. Where a row is opposed to the one before, a key between them turns the wind clockwise.
+// last one at `last`; between rows, also far apart, the wind is interpolated. Turns of more than 90 degrees get a key half
+// way, so that they are even; from the opposite side the wind turns clockwise.
 struct MeasuredKeys {
     Keyframes speeds, directions;
 };

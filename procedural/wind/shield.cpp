@@ -81,7 +81,7 @@ std::optional<Shielding> read_shielding(const Values& values) {
                              "shielding.rays needs a cone", "add shielding.spread = 10, or remove rays");
         shielding.rays = values.integer("wind.shielding.rays");
     }
-    if (shielding.shield == 0.0) return std::nullopt;
+    if (shielding.shield == 0.0 && !values.keyframes("wind.shielding.shield")) return std::nullopt;
     return shielding;
 }
 

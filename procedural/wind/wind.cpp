@@ -85,6 +85,18 @@ void add_constant_wind(std::vector<MarramParam>& list) {
     }
 }
 
+bool is_given(const Values& values, const std::string& name) {
+    const auto place_of = [&](const std::string& other) -> std::string_view {
+        const MarramValue* value = values.find(other);
+        return value && value->place ? value->place : "";
+    };
+    const std::string_view place = place_of(name);
+    return !place.empty() && std::ranges::none_of(wind_params(), [&](const MarramParam& param) {
+        const std::string other = std::string("wind.") + param.name;
+        return other != name && place_of(other) == place;
+    });
+}
+
 Wind read_wind(const Values& values) {
     Wind wind;
     const Vec3d direction = values.vec3("wind.direction");
@@ -163,9 +175,9 @@ int negligible_octaves(const Wind& wind, double length, double tolerance) {
     double squares = 0.0, weight = 1.0;
     for (int i = 0; i < noise.octaves; ++i, weight *= noise.gain) squares += weight * weight;
     double resonance = 1.0; // peak gain of a driven oscillator: 1 / (2 zeta sqrt(1 - zeta^2))
-    if (wind.jiggle && wind.jiggle->damping < std::sqrt(0.5))
-        resonance =
-            1.0 / (2.0 * wind.jiggle->damping * std::sqrt(1.0 - wind.jiggle->damping * wind.jiggle->damping));
+    double damping = wind.jiggle ? wind.jiggle->damping : 1.0;
+    if (wind.jiggle && wind.jiggle->dampings) damping = std::ranges::min(wind.jiggle->dampings->numbers);
+    if (damping < std::sqrt(0.5)) resonance = 1.0 / (2.0 * damping * std::sqrt(1.0 - damping * damping));
     const double strength = 0.9 * wind.noise_amplitude * length * resonance / std::sqrt(squares);
     double left_out = 0.0;
     int count = 0;
@@ -184,7 +196,8 @@ bool wind_bends(const Wind& wind) {
 
 bool wind_moves(const Wind& wind) {
     const auto moving = [](const PlacedField& field) { return field.transform.moves(); };
-    if (wind.keys || std::ranges::any_of(wind.fields, moving)) return wind_bends(wind);
+    const bool raises = wind.keys && wind.collision && wind.collision->offset_scale; // may have keys
+    if (wind.keys || std::ranges::any_of(wind.fields, moving)) return wind_bends(wind) || raises;
     const bool travels = wind.speed > 0.0 && wind.noise.frequency > 0.0;
     const bool ripples = wind.noise_amplitude > 0.0 && (travels || wind.evolution != 0.0);
     return wind_bends(wind) && (ripples || (wind.gusts && gusts_move(*wind.gusts)));

@@ -16,6 +16,7 @@
 #include <memory>
 #include <optional>
 #include <span>
+#include <string>
 #include <vector>
 
 namespace marram {
@@ -53,6 +54,9 @@ std::span<const MarramParam> wind_params();
 // Appends wind.direction and wind.speed, which then cannot have keys: for procedurals whose wind is the same at
 // all times.
 void add_constant_wind(std::vector<MarramParam>& list);
+
+// False: a default. Defaults have the place of their table in common, or none.
+bool is_given(const Values& values, const std::string& name);
 
 // Throws SceneFault for errors that the range checks of single values cannot find.
 Wind read_wind(const Values& values);

@@ -305,34 +305,28 @@ double dune_shear_velocity(const LayerContext& context) {
     return shear_velocity_of(speed);
 }
 
+std::string place_of_record(const LayerContext& context) {
+    if (context.values.has("record")) return context.values.place("record");
+    return context.record ? context.record->place : context.values.place("wind");
+}
+
 // Reads the record's columns by name; time in seconds.
 WindRecord dune_record(const LayerContext& context) {
     const LayerValues& values = context.values;
     const bool own = values.has("record");
-    const std::string place = own                 ? values.place("record")
-                              : context.record    ? context.record->place
-                                                  : values.place("wind");
+    const std::string place = place_of_record(context);
     if (!own && !context.record)
         throw SceneFault("terrain.wind_record", place, "a recorded wind has no record",
                          "give record = \"FILE.csv\", or wind.record to the scene");
     const MeasuredWind measured =
         read_measured_wind(own ? values.at("record") : *context.record, "terrain.wind_record", place);
     WindRecord record{measured.time, measured.speed, measured.from};
-    // Of the table's numbers, hours.
-    const double resolution =
-        std::max(std::abs(record.time.front()), std::abs(record.time.back())) * 0x1p-23 / seconds_per_hour;
     std::vector<double> intervals;
     for (size_t k = 1; k < record.time.size(); ++k) intervals.push_back(record.time[k] - record.time[k - 1]);
     std::vector<double> sorted = intervals;
     std::sort(sorted.begin(), sorted.end());
     const double usual =
         sorted.empty() ? 0.0 : sorted[(sorted.size() - 1) / 2] / seconds_per_hour; // the median
-    if (usual >= 0.0 && resolution > 0.01 * usual && sorted.size() > 0)
-        throw SceneFault(
-            "terrain.wind_record", place,
-            fmt::format("the record's times are known to {:.2g} h only, as they are up to {:.0f} h",
-                        resolution, resolution * 0x1p23),
-            "count hours from the beginning of the record, or use a part of it");
     const auto longest = std::max_element(intervals.begin(), intervals.end());
     if (*longest > 10.0 * usual * seconds_per_hour && context.warn)
         context.warn(
@@ -350,7 +344,7 @@ WindRecord dune_record(const LayerContext& context) {
 WindHistory dune_recorded_wind(const LayerContext& context, const WindRecord& record,
                                const SandPhysics& physics, double known) {
     constexpr double shortest = 60.0; // seconds
-    const std::string place = context.values.place("record");
+    const std::string place = place_of_record(context);
     if (known < shortest)
         throw SceneFault("terrain.wind_record", place,
                          fmt::format("the record covers {:.3g} seconds, less than a minute", known),

@@ -35,12 +35,16 @@ TEST(Camera, StandsWhereItsKeysPutIt) {
 TEST(Keys, OfTheScenesOwnTablesAreThoseOfTheFrame) {
     const Folder folder;
     const std::string scene =
-        "frames = [1, 9]\n[camera]\nposition = [0, 1, 5]\ntarget = [0, 1, 0]\nfov = { keys = [[1, 40], [9, 20]] }\n"
-        "focus = { keys = [[1, 2], [9, 4]], interpolation = \"smooth\" }\nlens_radius = { keys = [[5, 0], [6, 0.1]] }\n"
+        "frames = [1, 9]\n[camera]\nposition = [0, 1, 5]\ntarget = [0, 1, 0]\nfov = { keys = [[1, 40], [9, "
+        "20]] }\n"
+        "focus = { keys = [[1, 2], [9, 4]], interpolation = \"smooth\" }\nlens_radius = { keys = [[5, 0], "
+        "[6, 0.1]] }\n"
         "[film]\nsize = [16, 16]\nexposure = { keys = [[1, 0], [9, 2]], interpolation = \"constant\" }\n"
-        "[[light]]\ntype = \"sun\"\ndirection = { keys = [[1, [0, 1, 0]], [9, [1, 0, 0]]] }\nirradiance = [1, 1, 1]\n"
+        "[[light]]\ntype = \"sun\"\ndirection = { keys = [[1, [0, 1, 0]], [9, [1, 0, 0]]] }\nirradiance = "
+        "[1, 1, 1]\n"
         "[[light]]\ntype = \"sky\"\nzenith = { keys = [[1, [1, 1, 1]], [9, 0]] }\nstrength = 2\n"
-        "[[material]]\nname = \"m\"\ntype = \"diffuse\"\ncolor = { keys = [[1, [0.2, 0.2, 0.2]], [9, [0.6, 0.2, 0]]] }\n";
+        "[[material]]\nname = \"m\"\ntype = \"diffuse\"\ncolor = { keys = [[1, [0.2, 0.2, 0.2]], [9, [0.6, "
+        "0.2, 0]]] }\n";
     const std::string file = folder.write("scene.toml", scene);
     const std::atomic<bool> go{false};
     Shot shot = load_shot(file, {}, go);
@@ -51,7 +55,8 @@ TEST(Keys, OfTheScenesOwnTablesAreThoseOfTheFrame) {
     for (const double frame : {5.0, 9.0, 1.0, 5.0}) { // in any order
         set_frame(shot, frame);
         const double share = (frame - 1.0) / 8.0;
-        EXPECT_LT((std::get<SunLight>(shot.lights[0]).direction - Vec3d(share, 1.0 - share, 0)).norm(), 1e-12);
+        EXPECT_LT((std::get<SunLight>(shot.lights[0]).direction - Vec3d(share, 1.0 - share, 0)).norm(),
+                  1e-12);
         EXPECT_NEAR(double(std::get<SkyLight>(shot.lights[1]).zenith.x()), 1.0 - share, 1e-6);
         const auto& diffuse = std::get<DiffuseSettings>(shot.materials[0].settings);
         EXPECT_NEAR(double(diffuse.color.color.x()), 0.2 + 0.4 * share, 1e-6);
@@ -66,10 +71,15 @@ TEST(Keys, OfTheScenesOwnTablesAreThoseOfTheFrame) {
         }
         return std::string();
     };
-    EXPECT_NE(refused("[1, 0, 0]", "[0, -3, 0]").find("the sun turns round between frames 1 and 9"), std::string::npos);
-    EXPECT_NE(refused("[1, 0, 0]", "[0, 0, 0]").find("direction is (nearly) zero at frame 9"), std::string::npos);
-    EXPECT_NE(refused("[9, [0.6, 0.2, 0]]", "[9, [1.6, 0.2, 0]]").find("key 2 of material.m.color"), std::string::npos);
-    EXPECT_NE(refused("position = [0, 1, 5]", "position = { keys = [[1, [0, 1, 5]]] }").find("camera.position has keys"),
+    EXPECT_NE(refused("[1, 0, 0]", "[0, -3, 0]")
+                  .find("the sun turns by more than 170 degrees between frames 1 and 9"),
+              std::string::npos);
+    EXPECT_NE(refused("[1, 0, 0]", "[0, 0, 0]").find("direction is (nearly) zero at frame 9"),
+              std::string::npos);
+    EXPECT_NE(refused("[9, [0.6, 0.2, 0]]", "[9, [1.6, 0.2, 0]]").find("key 2 of material.m.color"),
+              std::string::npos);
+    EXPECT_NE(refused("position = [0, 1, 5]", "position = { keys = [[1, [0, 1, 5]]] }")
+                  .find("camera.position has keys"),
               std::string::npos);
 }
 

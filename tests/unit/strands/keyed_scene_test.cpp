@@ -87,6 +87,93 @@ double motion(const std::string& wind, double from, double to) {
     return most;
 }
 
+// Long after the last key the wind is that of a constant, whatever the first key is; and where it must differ from
+// the first key's, it does.
+TEST(KeyedWind, HoldsItsLastKey) {
+    const std::string still = "noise = { amplitude = 0 }\nglobal_rotate = 0.8\n";
+    const std::string plane =
+        mesh("wall", "box", "size = [3, 3, 0.1]\ntransform = { translate = [0, 0, -2] }\n");
+    const std::string shelter = "speed = 6\ndirection = [0, 0, 1]\nshielding = { offset = 3, shield = ";
+    const struct {
+        std::string before, keyed, constant, after;
+    } cases[] = {
+        {still, "speed = { keys = [[1, 0], [24, 7]] }\n", "speed = 7\n", ""},
+        {still + "speed = 6\n", "direction = { keys = [[1, [0, 0, 1]], [24, [1, 0, 0.5]]] }\n",
+         "direction = [1, 0, 0.5]\n", ""},
+        {still + "speed = 6\n", "calm = { keys = [[1, 0], [24, 0.6]] }\n", "calm = 0.6\n", ""},
+        {"noise = { amplitude = 0 }\nspeed = 6\n", "global_rotate = { keys = [[1, 0], [24, 0.6]] }\n",
+         "global_rotate = 0.6\n", ""},
+        {still + "speed = 6\n",
+         "ramp_rotate = { keys = [[1, [[0, 0], [1, 0]]], [24, [[0, 0.5], [1, 1]]]] }\n",
+         "ramp_rotate = [[0, 0.5], [1, 1]]\n", ""},
+        {"speed = 6\nnoise = { amplitude = 1 }\n", "waviness = { keys = [[1, 0], [24, 3]] }\n",
+         "waviness = 3\n", ""},
+        {"speed = 6\n", "noise = { amplitude = { keys = [[1, 0], [24, 1]] } }\n",
+         "noise = { amplitude = 1 }\n", ""},
+        {still + "speed = 6\ncalm = 0\n",
+         "gusts = { num_gusts = 60, strength = { keys = [[1, 0], [24, 1]] } }\n",
+         "gusts = { num_gusts = 60 }\n", ""},
+        {still + "speed = 6\ncalm = 0\n",
+         "gusts = { control = [{ transform = { scale = 2 }, strength = { keys = [[1, 0], [24, 1]] } }] }\n",
+         "gusts = { control = [{ transform = { scale = 2 } }] }\n", ""},
+        {still + shelter, "{ keys = [[1, 0], [24, 1]] } }\n", "1 }\n", plane},
+        {still + "speed = 6\n",
+         "collision = { solver = \"exact\", offset_scale = { keys = [[1, 0], [24, 0.9]] } }\n",
+         "collision = { solver = \"exact\", offset_scale = 0.9 }\n", ""},
+        {still, "field = [{ swirl = { keys = [[1, 0], [24, 7]] }, transform = { scale = 2 } }]\n",
+         "field = [{ swirl = 7, transform = { scale = 2 } }]\n", ""},
+    };
+    for (const auto& one : cases) {
+        TestScene keyed(scene_in(one.before + one.keyed) + one.after),
+            constant(scene_in(one.before + one.constant) + one.after);
+        const Pose first = pose_of(keyed, 1), last = pose_of(keyed, 300);
+        EXPECT_LT(largest_difference(last, pose_of(constant, 300)), 1e-6) << one.keyed;
+        EXPECT_GT(largest_difference(last, first), 1e-3) << one.keyed;
+    }
+    const std::string noisy =
+        "speed = 0.01\nresponse = [[0, 0], [0.01, 1]]\nnoise = { amplitude = 1, evolution = ";
+    EXPECT_GT(largest_difference(pose_in(noisy + "{ keys = [[1, 0], [24, 2]] } }\n", 60),
+                                 pose_in(noisy + "0 }\n", 60)),
+              1e-2);
+    EXPECT_LT(largest_difference(pose_in(noisy + "{ keys = [[1, 2], [24, 2]] } }\n", 60),
+                                 pose_in(noisy + "2 }\n", 60)),
+              1e-6);
+    // An overdamped spring forgets more slowly than one of less damping.
+    const std::string rising =
+        still +
+        "speed = { keys = [[-100, 1], [1, 9], [30, 2]] }\njiggle = { frequency = 4, step = 0.5, damping = ";
+    EXPECT_LT(largest_difference(pose_in(rising + "{ keys = [[-2000, 0.7], [-1900, 10]] } }\n", 20),
+                                 pose_in(rising + "10 }\n", 20)),
+              2e-3);
+}
+
+// A gust is seen before its start frame, while it fades in: it comes from where the wind of that time sends it.
+TEST(KeyedWind, SendsGustsWithoutForesight) {
+    const std::string gusts = "calm = 0.3\nglobal_rotate = 0.9\ngusts = { num_gusts = 60, radius_range = "
+                              "[0.3, 0.8], decay_range = 60, "
+                              "start_frame_range = [26, 40], period = 0, distance = 0, extent = [2, 2] }\n";
+    for (const double frame : {1.0, 20.0, 23.5})
+        EXPECT_EQ(pose_in(gusts + "speed = 3\n", frame),
+                  pose_in(gusts + "speed = { keys = [[24, 3], [30, 9]] }\n", frame))
+            << frame;
+    const std::string one = "speed = 3\ndirection = { keys = [[1, [1, 0, 0]], [24, [1, 0, 0.5]], [30, ",
+                      other = one;
+    EXPECT_EQ(pose_in(gusts + one + "[0, 0, 1]]] }\n", 23.5),
+              pose_in(gusts + other + "[1, 0, -0.5]]] }\n", 23.5));
+    EXPECT_GT(largest_difference(pose_in(gusts + "speed = 3\n", 23.5),
+                                 pose_in("calm = 0.3\nglobal_rotate = 0.9\nspeed = 3\n", 23.5)),
+              1e-3);
+}
+
+// A wind that is calm at the moment at which the step of jiggle used to be chosen.
+TEST(KeyedWind, HasAStepOfJiggleForItsStorm) {
+    const std::string storm =
+        "speed = { keys = [[1, 0], [26, 0], [27, 10]] }\nnoise = { amplitude = 0.8, frequency = 4 }\n"
+        "jiggle = { frequency = 4, damping = 0.15";
+    EXPECT_LT(largest_difference(pose_in(storm + " }\n", 29), pose_in(storm + ", step = 0.0625 }\n", 29)),
+              0.02);
+}
+
 // At late frames a wind that rode on speed times time would throw noise and gusts about: at frame 2400, a change
 // from 6 to 6.05 m/s in a frame would move them by 5 m.
 TEST(KeyedWind, MovesWithoutJumps) {
@@ -190,10 +277,14 @@ TEST(KeyedWind, MayBeMeasured) {
     for (const double frame : {5.0, 20.0, 45.5, 65.0, 90.0})
         EXPECT_LT(largest_difference(pose_in(recorded, frame), pose_in(keyed, frame)), 1e-5) << frame;
     const std::pair<std::string, const char*> wrong[] = {
-        {recorded + "speed = 3\n", "wind.record and another speed or direction are given"},
+        {recorded + "speed = 3\n", "wind.speed is given, and so is wind.record"},
         {everything + "record = \"" + file + "\"\n", "needs the frames at which it begins and ends"},
         {everything + "record = \"" + file + "\"\nrecord_frames = 5\n", "wind.record_frames has no length"},
         {everything + "record_frames = [1, 5]\n", "has no effect without wind.record"},
+        {recorded + "speed = 0\n", "wind.speed is given, and so is wind.record"},
+        {recorded + "direction = [0, 0, 1]\n", "wind.direction is given, and so is wind.record"},
+        {"gusts = { num_gusts = 3, speed_range = 2 }\nrecord = \"" + file + "\"\nrecord_frames = [1, 9]\n",
+         "wind.gusts.speed_range is constant, and the wind's speed is not"},
     };
     for (const auto& [wind, message] : wrong) {
         std::string said;
@@ -228,19 +319,22 @@ TEST(KeyedWind, SaysWhatIsWrong) {
         {"speed = { keys = [[1, 2]], extra = 3 }", "wind.speed.extra is unknown"},
         {"noise = { seed = { keys = [[1, 2]] } }", "wind.noise.seed has keys, and is the same at all frames"},
         {"direction = { keys = [[1, [1, 0, 0]], [9, [-2, 0, 0]]] }",
-         "the wind turns round between frames 1 and 9"},
+         "the wind turns by more than 170 degrees between frames 1 and 9"},
         {"direction = { keys = [[1, [1, 0, 0]], [9, [0, 0, 0]]] }",
          "the wind's direction is zero at frame 9"},
         {"ramp_rotate = { keys = [[1, [[0, 1]]], [5, [[0, 1], [1, 2]]]] }",
          "has other knots than the first key"},
         {"field = [{ swirl = 3, ramp = [[0, 1]] }]", "wind.field[0].ramp jumps"},
         {"field = [{ swirl = 3, type = \"vortex\" }]", "wind.field[0].type is unknown"},
+        {"speed = { keys = [[1, 2], [9, 3]] }\nnoise = { loop = [1, 24] }",
+         "wind.noise.loop repeats the noise, and the air that carries it has keys"},
+        {"speed = { key = [[1, 2]] }", "wind.speed is a table without keys: give a number"},
         {"jiggle = { frequency = { keys = [[1, 2], [9, 0]] } }", "jiggle.frequency is 0 at a key"},
         {"jiggle = { frequency = { keys = [[1, 0], [9, 2]] } }", "jiggle.frequency is 0 at a key"},
         {"jiggle = { frequency = 2, damping = { keys = [[1, 0.2], [9, 0]] } }",
          "jiggle.damping is 0 at a key"},
         {"speed = { keys = [[1, 2], [9, 3]] }\ngusts = { num_gusts = 3, speed_range = 3 }",
-         "wind.gusts.speed_range is constant, and wind.speed has keys"},
+         "wind.gusts.speed_range is constant, and the wind's speed is not"},
     };
     for (const auto& [wind, message] : cases)
         EXPECT_NE(problems(wind).find(message), std::string::npos) << wind << "\n" << problems(wind);

@@ -649,8 +649,17 @@ TEST(Terrain, RecordsOfWindAreChecked) {
     EXPECT_EQ(said("0,32,270\n3600,29,260\n7200,32,250\n"), "");
     EXPECT_TRUE(has(said("0,32,270\n3600,29,260\n3600,32,250\n"), "entry 3: time does not ascend"));
     header = "time,speed (Bft),direction";
-    EXPECT_TRUE(
-        has(said("0,9,270\n1,8,260\n"), "'speed (Bft)' is in another unit: it needs time (h), speed (m/s)"));
+    EXPECT_TRUE(has(said("0,9,270\n1,8,260\n"),
+                    "'speed (Bft)' is in another unit: it needs time (h, min, s or d), speed (m/s,"));
+    header = "time,speed,direction";
+    EXPECT_EQ(said("0,9,270\n1,8,260\n2,9,250\n"), "");
+    TestScene own(evolving("wind = \"record\"\nrecord = \"" + file + "\""));
+    std::string text = evolving("wind = \"record\"\n");
+    text.insert(text.find("[wind]\n") + 7, "record = \"" + file + "\"\nrecord_frames = [1, 9]\n");
+    TestScene of_the_scene(text);
+    EXPECT_EQ(heights_at(of_the_scene, 4.0), heights_at(own, 4.0));
+    TestScene none(evolving("wind = \"record\"\n"));
+    EXPECT_TRUE(has(none.build_errors(), "a recorded wind has no record"));
     std::filesystem::remove(file);
 }
 

@@ -689,7 +689,8 @@ TEST(Gusts, AreRead) {
     GustValues values;
     const Gusts gusts = values.read().value();
     EXPECT_EQ(gusts.num_gusts, 3U);
-    EXPECT_EQ(gusts.speed, Vec2d(4, 4)); // the wind's speed
+    EXPECT_EQ(gusts.speed, Vec2d(1, 1)); // relative to that of the wind
+    EXPECT_TRUE(gusts.speed_is_relative);
     EXPECT_EQ(gusts.start_frame, Vec2d(0, 240));
     EXPECT_FALSE(gusts.center || gusts.extent || gusts.distance);
     values.set("gusts.speed_range", {1, 2});
@@ -701,6 +702,7 @@ TEST(Gusts, AreRead) {
     values.set("gusts.control[1].inner", {0.1, 0.2, 0.3});
     const Gusts more = values.read().value();
     EXPECT_EQ(more.speed, Vec2d(1, 2));
+    EXPECT_FALSE(more.speed_is_relative);
     EXPECT_EQ(*more.center, Vec3d(1, 2, 3));
     EXPECT_EQ(*more.extent, Vec2d(8, 9));
     EXPECT_EQ(*more.distance, 7.0);

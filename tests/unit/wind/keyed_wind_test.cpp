@@ -111,6 +111,21 @@ TEST(AirPath, IsExactWhereTheDirectionTurns) {
     }
 }
 
+// Where keys are dense and late, the rounding of frames must not halve pieces without end.
+TEST(AirPath, HasFewPiecesForManyKeys) {
+    for (const double from : {1.0, 2400.0, 1e6}) {
+        Keyframes turns{{}, {}, linear}, speeds{{}, {}, linear};
+        for (int i = 0; i < 8760; ++i) {
+            const double angle = 0.7 * std::sin(i * 12.9898);
+            turns.frames.push_back(from + i * (240.0 / 8760));
+            turns.numbers.insert(turns.numbers.end(), {std::cos(angle), 0.0, std::sin(angle)});
+            speeds.frames.push_back(turns.frames.back());
+            speeds.numbers.push_back(5.0 + 4.0 * std::sin(i * 78.233));
+        }
+        EXPECT_LT(AirPath(0.0, {}, speeds, turns).pieces(), 5U * 8760U) << from;
+    }
+}
+
 // The way does not depend on where it is asked for: parts add up.
 TEST(AirPath, AddsUp) {
     const AirPath path(4.0, {}, {}, directions({1, 24, 48}, {{1, 0, 0}, {0, 0, 1}, {-1, 0, 0.1}}));

@@ -79,8 +79,9 @@ std::string params_text(std::span<const ParamSpec> params) {
                                       kind, default_of(spec), initial, spec.unit, unit),
                           spec.help + (spec.keyable ? " (keys)" : ""));
     if (std::ranges::any_of(params, &ParamSpec::keyable))
-        text += "    (keys): may change in time, { keys = [[frame, value], ...], interpolation = "
-                "\"linear|smooth|constant\" }\n";
+        text +=
+            "    (keys): may change in time, { keys = [[frame, value], ...], interpolation = \"linear\" }\n"
+            "        or \"smooth\", or \"constant\"\n";
     std::string_view last; // the list explained last
     for (const ParamSpec& spec : params) {
         const std::string_view list = list_of(spec.name);

@@ -60,9 +60,9 @@ struct Overrides {
 // all mistakes found.
 Shot load_shot(const std::string& file, const Overrides& overrides, const std::atomic<bool>& cancel);
 
-// To be called before the world of a frame is built: lights and materials with keys become those of the frame;
-// strands that change in number, too, and procedurals that use them are told. Throws InputError if one of these
-// rejects them.
+// To be called before the world of a frame is built: lights and materials with keys become those of the
+// frame; strands that change in number, too, and procedurals that use them are told. Throws InputError if
+// one of these rejects them.
 void set_frame(Shot& shot, double frame);
 
 // True if pictures have transparent parts: no light at infinity is seen by the camera though there is one, or

@@ -83,6 +83,18 @@ class Values {
 // The value in radians of a parameter given in degrees.
 inline double radians(const Values& values, std::string_view name) { return values.number(name) * degree; }
 
+// A ramp that is 0 at 1 and jumps nowhere. jumps, ends: ids of the faults if it is not so.
+inline Ramp falling_ramp(const Values& values, const std::string& name, const char* jumps, const char* ends) {
+    const Ramp ramp = values.ramp(name);
+    if (ramp.interpolation() == Ramp::Interpolation::constant)
+        throw SceneFault(jumps, values.at(name).place,
+                         name + " is constant between knots: strands would jump", "use linear or smooth");
+    if (ramp(1.0) != 0.0)
+        throw SceneFault(ends, values.at(name).place, name + " is not 0 at 1",
+                         "end the ramp with the knot [1, 0]");
+    return ramp;
+}
+
 // A ramp whose values must be within [0, 1]. `id`: of the fault if they are not.
 inline Ramp unit_ramp(const Values& values, std::string_view name, const char* id) {
     Ramp ramp = values.ramp(name);

@@ -2,7 +2,7 @@
 #include "procedural/strands/binding.h"
 
 #include "procedural/abi/parallel.h"
-#include "procedural/wind/skin.h"
+#include "procedural/wind/collision/skin.h"
 
 #include <fmt/format.h>
 

@@ -57,9 +57,9 @@ struct JigglePilot {
 
 JigglePilot jiggle_pilot(const PilotGroom& pilot, double tolerance);
 
-// The moments at which the step of jiggle is chosen for a frame: the same for every 16 frames, so that neighbours
-// have one step, and need not choose it again. One moment; five, of which the shortest step counts, if the wind changes
-// by keys within these frames or the 48 before: it may be calm at one of them.
+// The moments at which the step of jiggle is chosen for a frame: the same for every 16 frames, so that
+// neighbours have one step, and need not choose it again. One moment; five, of which the shortest step
+// counts, if the wind changes by keys within these frames or the 48 before: it may be calm at one of them.
 std::vector<double> jiggle_moments(const Wind& wind, double frame);
 
 // The step between samples of the past in frames: 1/64, 1/32, ... 2. Steps of 2, 1 and 1/2 are compared with

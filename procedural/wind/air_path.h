@@ -3,14 +3,15 @@
 //
 //     D(t) = integral of speed(tau) w(tau) d tau,     w = a + s (b - a), normalised, between keys with unit directions a, b
 //
-// D is v0 w0 t up to the first key whose speed or direction differs from the first (v0, w0: those of the first key, t from
-// frame 0), and grows from there on. So a key moves nothing at frames before the key that precedes it: air is
-// never displaced at once, as it would be if noise rode on the product of speed and time.
+// D is v0 w0 t up to the first key whose speed or direction differs from the first (v0, w0: those of the
+// first key, t from frame 0), and grows from there on. So a key moves nothing at frames before the key that
+// precedes it: air is never displaced at once, as it would be if noise rode on the product of speed and
+// time.
 //
 // Computed by Gauss-Legendre quadrature with eight points, which is exact for the polynomials of linear and
 // smooth speed. Where the direction turns, pieces between keys are halved until halving again changes D by
-// less than 1e-13 of the way or by the rounding of frames; error < 1e-12 of the way plus what the air moves in
-// 1e-15 of the frame's number (keyed_wind_test.cpp).
+// less than 1e-13 of the way or by the rounding of frames; error < 1e-12 of the way plus what the air moves
+// in 1e-15 of the frame's number (keyed_wind_test.cpp).
 #pragma once
 
 #include "core/math/keyframes.h"

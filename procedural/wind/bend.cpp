@@ -105,7 +105,8 @@ MARRAM_INLINE VDouble compounded(VDouble f, VDouble x) {
     return select(full, select(x > 0.0, 1.0, 0.0), vmax(result, VDouble{}));
 }
 
-// Where the noise field is: metres that it has travelled, and its coordinate in the fourth dimension, in cells.
+// Where the noise field is: metres that it has travelled, and its coordinate in the fourth dimension, in
+// cells.
 struct NoiseTime {
     double travel; // along the wind's direction
     Vec3d offset;  // and besides, if the wind has changed

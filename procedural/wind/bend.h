@@ -7,7 +7,8 @@
 
 namespace marram {
 
-// strands.rest -> strands.pose at `frame`, scaled by strands.envelope. `wind`: at the frame (wind_at()). Computed in double, rounded once a CV.
+// strands.rest -> strands.pose at `frame`, scaled by strands.envelope. `wind`: at the frame (wind_at()).
+// Computed in double, rounded once a CV.
 //
 // Lengths: a stored segment is as long as its rest segment to 1.74 ulp of the largest coordinate + 1e-14
 // relative (both ends are rounded once). If a strand's factors are 0 up to CV k, pose[0 ... k] equals rest

@@ -87,15 +87,8 @@ constexpr std::array gust_values = {
 
 // ---- Reading ----
 
-Ramp read_ramp(const Values& values, const std::string& name) {
-    const Ramp ramp = values.ramp(name);
-    if (ramp.interpolation() == Ramp::Interpolation::constant)
-        throw SceneFault("gusts.ramp_jumps", values.at(name).place,
-                         name + " is constant between knots: strands would jump", "use linear or smooth");
-    if (ramp(1.0) != 0.0)
-        throw SceneFault("gusts.ramp_end", values.at(name).place, name + " is not 0 at 1",
-                         "end the ramp with the knot [1, 0]");
-    return ramp;
+Ramp gust_ramp(const Values& values, const std::string& name) {
+    return falling_ramp(values, name, "gusts.ramp_jumps", "gusts.ramp_end");
 }
 
 GustControl read_control(const Values& values, const std::string& prefix) {
@@ -108,7 +101,7 @@ GustControl read_control(const Values& values, const std::string& prefix) {
         throw SceneFault("gusts.inner_of_sphere", values.at(inner).place, inner + " applies to boxes only",
                          "remove it, or make it a box");
     control.inner = values.has(inner) ? values.vec3(inner) : Vec3d::Constant(0.5);
-    control.ramp = read_ramp(values, prefix + "ramp");
+    control.ramp = gust_ramp(values, prefix + "ramp");
     control.strength = values.number(prefix + "strength");
     return control;
 }
@@ -166,7 +159,7 @@ void read_procedural(const Values& values, Gusts& gusts) {
     check_period(gusts, values);
     gusts.redraw = values.boolean("wind.gusts.redraw");
     gusts.strength = values.number("wind.gusts.strength");
-    gusts.ramp = read_ramp(values, "wind.gusts.ramp");
+    gusts.ramp = gust_ramp(values, "wind.gusts.ramp");
     gusts.seed = static_cast<uint32_t>(values.integer("wind.gusts.seed"));
     if (values.has("wind.gusts.center")) gusts.center = values.vec3("wind.gusts.center");
     if (values.has("wind.gusts.extent")) gusts.extent = values.range("wind.gusts.extent");
@@ -268,9 +261,9 @@ Vec3d place_across(const Gusts& gusts, const CrosswindAxes& sides, uint64_t key)
            sides.upright * ((draw(key, Draw::up) - 0.5) * gusts.extent->y());
 }
 
-// Its centre at an age in frames after its start at `born`; `air` is that at this age. A gust is seen from its
-// fade-in on. Where it comes from must not depend on a wind to come: its plane is across the wind of that time, and it
-// goes towards it as it would in that wind.
+// Its centre at an age in frames after its start at `born`; `air` is that at this age. A gust is seen from
+// its fade-in on. Where it comes from must not depend on a wind to come: its plane is across the wind of
+// that time, and it goes towards it as it would in that wind.
 Vec3d center_of(const GustContext& passage, const DrawnGust& gust, double born, double age,
                 const AirAt& air) {
     const Gusts& gusts = passage.gusts;

@@ -42,12 +42,15 @@
 //     weight = strength * s(min(1, (age + d) / d)) * s(min(1, (life - age) / d)),   d = min(max(decay, 1), life)
 //     s(y) = y^2 (3 - 2 y)                                          alive: -d < age < life and life > 0 and 1 / radius is finite.
 //
-// In a wind that has keys, w, a and b are those at the frame when the gust begins to fade in, s = start - d: it
-// leaves from a plane across that wind, and does not know of a wind to come. It goes with the air, whose
-// displacement is D (air_path.h): w * speed * age / fps becomes factor * (D(now) - D(s) - d v(s) w(s)) / fps, factor
-// drawn from relative_speed_range and v the wind's speed; or, for a gust with a speed of its own, the same with
-// that speed and with D and v of a wind of 1 m/s. So a gust stands while the wind stops. (speed_range is an error
-// if the wind's speed has keys.)
+// In a wind that has keys, w, a and b are those of the frame at which the gust begins to fade in,
+// seen = start - d: it leaves from a plane across that wind, and does not know of a wind to come. It goes with
+// the air, whose displacement is D (air_path.h): instead of w * speed * age / fps it has moved by
+//
+//     factor * (D(now) - D(seen) - d v(seen) w(seen)) / fps
+//
+// with the factor drawn from relative_speed_range and v the wind's speed; a gust with a speed of its own by the
+// same with that speed as factor, and with D and v of a wind of 1 m/s. So a gust stands while the wind stops.
+// (speed_range is an error if the wind's speed has keys.)
 //
 // At its start frame a gust is at the plane upwind, at full strength. It fades out over the last d frames of
 // its life: over all of it if decay is longer, and over at least one frame, so that nothing pops. For the
@@ -76,7 +79,7 @@
 #include "core/math/transform.h"
 #include "core/math/vec.h"
 #include "procedural/abi/values.h"
-#include "procedural/wind/colliders.h"
+#include "procedural/wind/collision/colliders.h"
 #include "procedural/wind/strands.h"
 
 #include <optional>
@@ -127,15 +130,15 @@ struct GustCarrier {
         : direction(unit), speed(metres_a_second), path(keyed) {}
     Vec3d direction; // unit
     double speed;    // of gusts whose speed is relative
-    // nullptr: the wind has the same speed and direction at all times. Else of the air or, for gusts with a speed of
-    // their own, of a wind of 1 m/s.
+    // nullptr: the wind has the same speed and direction at all times. Else of the air or, for gusts with a
+    // speed of their own, of a wind of 1 m/s.
     const AirPath* path;
 };
 
 // Sets center, extent and distance if the scene does not give them, from a box that contains all strands.
 // Call it once a shot, with the box at bind_frame, never with the box of the current frame. The plane is
-// placed upwind of the box by the largest radius; of its bounding sphere, if the wind has keys and may turn. A
-// box that is empty or not finite counts as the point 0.
+// placed upwind of the box by the largest radius; of its bounding sphere, if the wind has keys and may
+// turn. A box that is empty or not finite counts as the point 0.
 void set_gust_plane(Gusts& gusts, const Vec3d& lower, const Vec3d& upper, const GustCarrier& wind);
 
 // Which gusts touch a box at some time within frames [first, last].
@@ -144,8 +147,9 @@ struct GustContacts {
     uint64_t passing = 0, touching = 0; // random gusts that live in that time, and those that touch the box
     std::vector<bool> controls;         // [control]: it touches
 };
-// center, extent and distance must be set if num_gusts > 0. Bounds of gusts are tested (where the wind turns,
-// along 16 straight parts of the way), of controls at up to 1000 times. Cost: about 0.1 us a gust and repetition.
+// center, extent and distance must be set if num_gusts > 0. Bounds of gusts are tested (where the wind
+// turns, along 16 straight parts of the way), of controls at up to 1000 times. Cost: about 0.1 us a gust
+// and repetition.
 GustContacts gusts_touching(const Gusts& gusts, const GustCarrier& wind, const Vec2d& frames, double fps,
                             const Eigen::AlignedBox3d& box);
 
@@ -180,8 +184,8 @@ struct GustField {
 };
 
 // Center, extent and distance must be set if num_gusts > 0 (set_gust_plane). Keeps only influences that
-// overlap the box `within`, about 0.3 KB each: add_gusts() gives the same bits for CVs in the box. Strengths are
-// those of `gusts`.
+// overlap the box `within`, about 0.3 KB each: add_gusts() gives the same bits for CVs in the box.
+// Strengths are those of `gusts`.
 GustField gusts_at(const Gusts& gusts, const GustCarrier& wind, double frame, double fps,
                    const Eigen::AlignedBox3d& within = everywhere());
 

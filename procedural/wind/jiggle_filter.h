@@ -7,8 +7,8 @@
 //         filter.emit(state, time, strands at that time, bent, pose);
 //     }
 //
-// Where frequency or damping have keys, a step has those at its middle: the error falls with the square of the
-// step. (A spring whose stiffness changes keeps its velocity.)
+// Where frequency or damping have keys, a step has those at its middle: the error falls with the square of
+// the step. (A spring whose stiffness changes keeps its velocity.)
 //
 // What it costs: a bent pose for each past sample that the state has not passed yet, and about 4 ns a CV for
 // it.

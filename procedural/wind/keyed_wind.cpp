@@ -24,8 +24,8 @@ double value(const Wind&, std::span<const double> numbers) { return numbers[0]; 
 double magnitude(const Wind&, std::span<const double> numbers) { return std::abs(numbers[0]); }
 double length(const Wind&, std::span<const double> numbers) { return Vec3d(numbers.data()).norm(); }
 double smallness(const Wind&, std::span<const double> numbers) { return -numbers[0]; }
-// Minus the rate at which an oscillator of damping zeta forgets, over its frequency: zeta, or of an overdamped
-// one zeta - sqrt(zeta^2 - 1). Between two keys the rate is not below both.
+// Minus the rate at which an oscillator of damping zeta forgets, over its frequency: zeta, or of an
+// overdamped one zeta - sqrt(zeta^2 - 1). Between two keys the rate is not below both.
 double memory(const Wind&, std::span<const double> numbers) {
     const double zeta = numbers[0];
     return zeta < 1.0 ? -zeta : -1.0 / (zeta + std::sqrt(zeta * zeta - 1.0));
@@ -135,8 +135,8 @@ constexpr std::array keyable_params =
 // Makes the directions unit.
 void normalise(const Values& values, Keyframes& directions) {
     const std::string place = values.at("wind.direction").place;
-    // Half way, the interpolated direction turns 2 tan(angle / 2) / angle times as fast as on average: 7.7 times
-    // at this angle, and without bound beyond.
+    // Half way, the interpolated direction turns 2 tan(angle / 2) / angle times as fast as on average: 7.7
+    // times at this angle, and without bound beyond.
     const double opposed = 1.0 + std::cos(170.0 * degree);
     Vec3d before = Vec3d::Zero();
     for (size_t i = 0; i < directions.count(); ++i) {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Winds whose numbers have keys. `Wind` then holds, of each such number, the key that matters most (below), so that
-// what is decided for all times is on the safe side; wind_at() gives the wind at one time.
+// Winds whose numbers have keys. `Wind` then holds, of each such
+// number, the key that matters most (below), so that what is decided for all times is on the safe side;
+// wind_at() gives the wind at one time.
 //
 // To make a parameter of [wind] keyable: param::keyable() where it is declared, and a row in keyed_wind.cpp.
 #pragma once
@@ -28,8 +29,8 @@ struct KeyedWind {
     AirPath evolution; // x: cells of noise
 };
 
-// Sets wind.keys if values have keys, and the numbers of `wind` that have them: to the key with the strongest wind,
-// the largest number, or of jiggle the longest memory. Throws SceneFault.
+// Sets wind.keys if values have keys, and the numbers of `wind` that have them: to the key with the
+// strongest wind, the largest number, or of jiggle the longest memory. Throws SceneFault.
 void read_keys(const Values& values, Wind& wind);
 
 // What gusts go with.

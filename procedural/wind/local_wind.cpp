@@ -35,15 +35,6 @@ constexpr std::array params = {
                 1, "influence from the centre (0) to the surface (1), where it is 0"),
 };
 
-Ramp read_ramp(const Values& values, const std::string& name) {
-    const Ramp ramp = values.ramp(name);
-    if (ramp.interpolation() == Ramp::Interpolation::constant || ramp(1.0) != 0.0)
-        throw SceneFault("field.ramp", values.at(name).place,
-                         fmt::format("{} jumps: strands at the field's surface would, too", name),
-                         "use linear or smooth, and end the ramp with the knot [1, 0]");
-    return ramp;
-}
-
 // c(q) / q of local_wind.h, from q^2.
 MARRAM_INLINE VDouble scully_over_q(const VDouble& squared, double core) {
     return (2.0 / core) / (squared * (1.0 / (core * core)) + 1.0);
@@ -111,7 +102,7 @@ std::vector<PlacedField> read_fields(const Values& values) {
         field.pull = values.number(prefix + "pull");
         field.core = values.number(prefix + "core");
         field.weight = values.number(prefix + "weight");
-        field.ramp = read_ramp(values, prefix + "ramp");
+        field.ramp = falling_ramp(values, prefix + "ramp", "field.ramp_jumps", "field.ramp_end");
         field.place = values.at(prefix + "transform").place;
     }
 }

@@ -6,15 +6,16 @@
 //     x = M (P - C),    s = weight * ramp(t),    t = |x| of a sphere, the largest |x_a| of a box;    s = 0 unless t < 1
 //     F = R (velocity + swirl c(rho) e_phi - pull c(r) e_r),    c(q) = 2 (q / core) / (1 + (q / core)^2)
 //
-// C, R and M = (R * scale)^-1 are from the field's keyed transform. Swirl is about the field's y axis, rho the distance
-// from it and r that from the centre, both in units of the field's size. c is the profile of Scully's vortex (J. F.
-// Scully, MIT ASRL TR 178-1, 1975): 1 at q = core, 0 in the middle, falling as 1 / q outside, and smooth.
+// C, R and M = (R * scale)^-1 are from the field's keyed transform. Swirl is about the field's y axis, rho
+// the distance from it and r that from the centre, both in units of the field's size. c is the profile of
+// Scully's vortex (J. F. Scully, MIT ASRL TR 178-1, 1975): 1 at q = core, 0 in the middle, falling as 1 / q
+// outside, and smooth.
 //
-// A strand takes the wind at its root: the direction of v is what it turns towards, and response(|v|) its strength.
-// Noise and gusts are carried by the mean wind. Shelter is upwind of the mean wind.
+// A strand takes the wind at its root: the direction of v is what it turns towards, and response(|v|) its
+// strength. Noise and gusts are carried by the mean wind. Shelter is upwind of the mean wind.
 //
-// ERROR: double precision, rounded once: 1e-6 of v (local_wind_test.cpp). COST: 15 ns a root and field; a patch
-// outside a field does not pay for it.
+// ERROR: double precision, rounded once: 1e-6 of v (local_wind_test.cpp). COST: 15 ns a root and field; a
+// patch outside a field does not pay for it.
 #pragma once
 
 #include "core/math/ramp.h"

@@ -23,8 +23,9 @@ struct WindAt {
 WindAt wind_with_gusts(const Wind& wind, double frame, double fps, bool with_gusts,
                        const Eigen::AlignedBox3d& within);
 
-// The wind at the past samples of jiggle, each made when it is first asked for; another thread that asks for
-// the same one waits. Any thread. `wind` must outlive it; what it gives lives as long as the PastWind that gave it.
+// The wind at the past samples of jiggle, each made when it is first asked for; another thread that asks
+// for the same one waits. Any thread. `wind` must outlive it; what it gives lives as long as the PastWind
+// that gave it.
 class PastWind {
   public:
     struct Key {                      // with the same Wind, unchanged: the same wind at a sample

@@ -3,7 +3,7 @@
 #pragma once
 
 #include "procedural/abi/values.h"
-#include "procedural/wind/colliders.h"
+#include "procedural/wind/collision/colliders.h"
 #include "procedural/wind/strands.h"
 
 #include <optional>

@@ -7,7 +7,7 @@
 #include "core/plugin/marram_plugin.h"
 #include "procedural/abi/values.h"
 #include "procedural/noise/noise.h"
-#include "procedural/wind/collide.h"
+#include "procedural/wind/collision/collide.h"
 #include "procedural/wind/gusts.h"
 #include "procedural/wind/jiggle.h"
 #include "procedural/wind/local_wind.h"
@@ -51,8 +51,8 @@ struct Wind {
 // Parameters of [wind]. Every procedural receives them as "wind.<name>".
 std::span<const MarramParam> wind_params();
 
-// Appends wind.direction and wind.speed, which then cannot have keys: for procedurals whose wind is the same at
-// all times.
+// Appends wind.direction and wind.speed, which then cannot have keys: for procedurals whose wind is the
+// same at all times.
 void add_constant_wind(std::vector<MarramParam>& list);
 
 // False: a default. Defaults have the place of their table in common, or none.

@@ -5,7 +5,7 @@
 #pragma once
 
 #include "core/math/vec.h"
-#include "procedural/wind/colliders.h"
+#include "procedural/wind/collision/colliders.h"
 #include "procedural/wind/gusts.h"
 #include "procedural/wind/wind.h"
 

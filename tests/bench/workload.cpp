@@ -327,6 +327,26 @@ double Workload::build_bvh() {
     return seconds;
 }
 
+double Workload::run_field() {
+    PlacedField whirl;
+    whirl.swirl = 3.0;
+    whirl.pull = 1.0;
+    whirl.transform = KeyedTransform(std::array{1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 9.0, 9.0, 9.0}, "linear");
+    whirl.ramp = Ramp(std::vector<double>{0, 1, 0.5, 1, 1, 0}, "smooth");
+    const std::vector<FieldAt> fields = fields_at({&whirl, 1}, 1.0), none;
+    const auto seconds = [&](const std::vector<FieldAt>& list) {
+        return seconds_of([&] {
+            for (Strands& patch : bent_)
+                local_wind(wind_.direction, wind_.speed, wind_.response, list, patch);
+        });
+    };
+    seconds(none);
+    const double without = seconds(none);
+    return seconds(fields) - without;
+}
+
+size_t Workload::strands() const { return roots_.size(); }
+
 double Workload::make_tree() {
     return seconds_of([&] { world_.colliders(); });
 }

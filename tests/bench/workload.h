@@ -60,6 +60,10 @@ class Workload {
     // for each segment, point queries within its reach for the height of its end at rest, its height bent,
     // and the triangles near it.
     double run_floor();
+    // What a field of the wind costs: seconds of local_wind() for all roots, with a field around them less
+    // without one, on one thread.
+    double run_field();
+    size_t strands() const;
     // Builds the tree over the colliders for exact collision.
     double make_tree();
 

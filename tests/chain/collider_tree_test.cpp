@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // The tree may return too many triangles but never too few: regions are placed around points of known
 // triangles.
-#include "procedural/wind/collider_tree.h"
+#include "procedural/wind/collision/collider_tree.h"
 
 #include "core/geometry/mesh.h"
 #include "core/math/hash.h"
 #include "core/math/nearest_point.h"
-#include "procedural/wind/colliders.h"
-#include "procedural/wind/near.h"
+#include "procedural/wind/collision/colliders.h"
+#include "procedural/wind/collision/near.h"
 
 #include <gtest/gtest.h>
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Offset scale: where targets are pushed to, and that they do not jump as the wind moves them.
-#include "procedural/wind/skin.h"
+#include "procedural/wind/collision/skin.h"
 
 #include "tests/chain/furred_collision.h"
 #include "tests/oracle/offset_scale.h"

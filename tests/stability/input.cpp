@@ -46,7 +46,7 @@ struct Line {
     std::string key, text;
 };
 
-// The scene with these lines, one parameter each, in [wind], the groom, or a gust control.
+// The scene with these lines, one parameter each, in [wind], the groom, or a table of a list.
 struct Bad {
     std::string text;
     std::vector<std::pair<int, std::string>> lines; // number, key
@@ -94,7 +94,8 @@ const std::string plain_wind = "[wind]\nspeed = 6\n";
 TEST(Input, NotANumberInAnyParameterOfTheWind) {
     int tried = 0, passed = 0;
     for (const std::string bad : bad_numbers) {
-        std::vector<Line> lines, control;
+        std::vector<Line> lines, keyed;
+        std::map<std::string, std::vector<Line>> lists; // "gusts.control": lines of one of its tables
         for (const MarramParam& param : wind_params()) {
             const std::string value = bad_value(param.type, bad), name = param.name;
             if (value.empty()) continue;
@@ -102,14 +103,21 @@ TEST(Input, NotANumberInAnyParameterOfTheWind) {
             if (list == std::string::npos)
                 lines.push_back({name, name + " = " + value});
             else
-                control.push_back({name, name.substr(list + 3) + " = " + value});
+                lists[name.substr(0, list)].push_back({name, name.substr(list + 3) + " = " + value});
+            if (list == std::string::npos && param.keyable)
+                keyed.push_back({name, name + " = { keys = [[1, " + value + "]] }"});
         }
-        tried += int(lines.size() + control.size());
+        tried += int(lines.size() + keyed.size());
         passed +=
             count_unreported(scene_of(head + "[wind]\n", lines, groom_head + groom_rest), "wind, " + bad);
-        passed += count_unreported(
-            scene_of(head + plain_wind + "[[wind.gusts.control]]\n", control, groom_head + groom_rest),
-            "gust control, " + bad);
+        passed +=
+            count_unreported(scene_of(head + "[wind]\n", keyed, groom_head + groom_rest), "keys, " + bad);
+        for (const auto& [list, of_one] : lists) {
+            tried += int(of_one.size());
+            passed += count_unreported(
+                scene_of(head + plain_wind + "[[wind." + list + "]]\n", of_one, groom_head + groom_rest),
+                list + ", " + bad);
+        }
     }
     std::printf("  %d values in the wind\n", tried);
     EXPECT_GT(tried, 100);

@@ -3,7 +3,7 @@
 // strands of any shape, and the collision stage on them, checked by the oracle.
 #pragma once
 
-#include "procedural/wind/collide.h"
+#include "procedural/wind/collision/collide.h"
 #include "tests/oracle/test_shapes.h"
 
 #include <array>

@@ -2,8 +2,8 @@
 // One segment of a strand among colliders: how far it turns from its start direction towards its goal.
 #pragma once
 
-#include "procedural/wind/colliders.h"
-#include "procedural/wind/contact.h"
+#include "procedural/wind/collision/colliders.h"
+#include "procedural/wind/collision/contact.h"
 
 #include <vector>
 

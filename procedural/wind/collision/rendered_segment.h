@@ -12,7 +12,7 @@
 // the colliders unless the straight line from the polygon to it crosses a triangle.
 #pragma once
 
-#include "procedural/wind/turn.h"
+#include "procedural/wind/collision/turn.h"
 
 #include <algorithm>
 

@@ -2,8 +2,8 @@
 // Distances from and intersections with a few triangles, eight at a time.
 #pragma once
 
-#include "procedural/wind/colliders.h"
-#include "procedural/wind/contact.h"
+#include "procedural/wind/collision/colliders.h"
+#include "procedural/wind/collision/contact.h"
 
 namespace marram {
 

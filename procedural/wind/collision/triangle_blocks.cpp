@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Counting sort, ten bits at a time, over parallel chunks: a parallel sort by TBB took four times as long on
 // two million triangles.
-#include "procedural/wind/triangle_blocks.h"
+#include "procedural/wind/collision/triangle_blocks.h"
 
 #include "core/math/simd.h"
 #include "procedural/abi/parallel.h"

@@ -20,7 +20,7 @@
 #include "core/math/simd.h"
 #include "core/math/vec.h"
 #include "core/plugin/marram_plugin.h"
-#include "procedural/wind/triangle_blocks.h"
+#include "procedural/wind/collision/triangle_blocks.h"
 
 #include <Eigen/Geometry>
 

@@ -4,11 +4,11 @@
 // many, the sector is halved and the first half is tested first; parts beyond a contact are never tested.
 // Triangles entirely on one side of the plane of the turn are skipped; the rest go to first_blocked(). The
 // result is a minimum over triangles, so it does not depend on how the sector was divided.
-#include "procedural/wind/turn.h"
+#include "procedural/wind/collision/turn.h"
 
 #include "core/math/nearest_point.h"
 #include "procedural/abi/values.h"
-#include "procedural/wind/near.h"
+#include "procedural/wind/collision/near.h"
 
 #include <algorithm>
 #include <array>

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "procedural/wind/skin.h"
+#include "procedural/wind/collision/skin.h"
 
 #include "core/math/nearest_point.h"
-#include "procedural/wind/near.h"
+#include "procedural/wind/collision/near.h"
 
 #include <algorithm>
 

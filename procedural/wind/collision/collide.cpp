@@ -13,13 +13,13 @@
 // The rendered cubic deviates from its control polygon (rendered_segment.h). A strand whose cubic penetrates
 // a collider by more than the tolerance is solved again with smaller turns; if that does not help, it is laid
 // straight.
-#include "procedural/wind/collide.h"
+#include "procedural/wind/collision/collide.h"
 
 #include "core/math/rotation.h"
 #include "procedural/abi/param.h"
-#include "procedural/wind/near.h"
-#include "procedural/wind/rendered_segment.h"
-#include "procedural/wind/skin.h"
+#include "procedural/wind/collision/near.h"
+#include "procedural/wind/collision/rendered_segment.h"
+#include "procedural/wind/collision/skin.h"
 
 #include <algorithm>
 #include <array>

@@ -4,8 +4,8 @@
 #pragma once
 
 #include "procedural/abi/values.h"
+#include "procedural/wind/collision/turn.h"
 #include "procedural/wind/strands.h"
-#include "procedural/wind/turn.h"
 
 #include <map>
 #include <optional>

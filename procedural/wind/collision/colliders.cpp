@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "procedural/wind/colliders.h"
+#include "procedural/wind/collision/colliders.h"
 
 #include "procedural/abi/parallel.h"
 

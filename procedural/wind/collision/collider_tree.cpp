@@ -2,7 +2,7 @@
 // Rounding. Boxes and slabs are floats rounded outwards; normals are floats used as they are. The points of a
 // query are rounded to floats and multiplied in floats. The error is less than 16 ulp of the largest
 // coordinate, and the query is expanded by that much.
-#include "procedural/wind/collider_tree.h"
+#include "procedural/wind/collision/collider_tree.h"
 
 #include "procedural/abi/parallel.h"
 #include "procedural/abi/values.h"

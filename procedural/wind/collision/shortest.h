@@ -3,7 +3,7 @@
 // interior of the triangle, or from the segment to an edge. If they cross, the result is still one of those.
 #pragma once
 
-#include "procedural/wind/contact.h"
+#include "procedural/wind/collision/contact.h"
 
 #include <limits>
 

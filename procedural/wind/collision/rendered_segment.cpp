@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "procedural/wind/rendered_segment.h"
+#include "procedural/wind/collision/rendered_segment.h"
 
-#include "procedural/wind/near.h"
+#include "procedural/wind/collision/near.h"
 
 namespace marram {
 namespace {

@@ -2,7 +2,7 @@
 // Heights above the skin that a strand grows on, and raising a CV to a fraction of its height at rest.
 #pragma once
 
-#include "procedural/wind/colliders.h"
+#include "procedural/wind/collision/colliders.h"
 
 namespace marram {
 

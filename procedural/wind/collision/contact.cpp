@@ -27,9 +27,9 @@
 // A contact on the border of two features must not be lost from both by rounding. So the ranges of s and x,
 // and the face, are widened by the rounding error of their computation. A contact found twice does no harm,
 // and one that is outside the feature by a rounding error is still closer than c + 1e-10 l.
-#include "procedural/wind/contact.h"
+#include "procedural/wind/collision/contact.h"
 
-#include "procedural/wind/shortest.h"
+#include "procedural/wind/collision/shortest.h"
 
 #include <algorithm>
 

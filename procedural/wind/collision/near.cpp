@@ -2,10 +2,10 @@
 // The closest point on a triangle is the projection onto its plane if that is inside (its barycentric
 // coordinates are cross products with the edges), else it is on one of the three edges, each a clamped
 // projection.
-#include "procedural/wind/near.h"
+#include "procedural/wind/collision/near.h"
 
 #include "core/math/nearest_point.h"
-#include "procedural/wind/shortest.h"
+#include "procedural/wind/collision/shortest.h"
 
 #include <algorithm>
 #include <limits>

@@ -5,7 +5,7 @@
 
 #include "core/math/vec.h"
 #include "core/plugin/marram_plugin.h"
-#include "procedural/wind/collider_tree.h"
+#include "procedural/wind/collision/collider_tree.h"
 
 #include <array>
 #include <limits>

@@ -182,6 +182,7 @@ struct GustField {
 
     size_t bytes() const;
 };
+void build_tree(GustField& field); // sets `levels` from `influences`
 
 // Center, extent and distance must be set if num_gusts > 0 (set_gust_plane). Keeps only influences that
 // overlap the box `within`, about 0.3 KB each: add_gusts() gives the same bits for CVs in the box.

@@ -14,8 +14,8 @@
 // A strand takes the wind at its root: the direction of v is what it turns towards, and response(|v|) its
 // strength. Noise and gusts are carried by the mean wind. Shelter is upwind of the mean wind.
 //
-// ERROR: double precision, rounded once: 1e-6 of v (local_wind_test.cpp). COST: 15 ns a root and field; a
-// patch outside a field does not pay for it.
+// ERROR: double precision, rounded once: 1e-6 of v (local_wind_test.cpp). COST: about 10 ns a root and field
+// (marram_bench, "field"); a patch outside a field does not pay for it.
 #pragma once
 
 #include "core/math/ramp.h"

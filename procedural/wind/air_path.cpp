@@ -53,7 +53,7 @@ Vec3d AirPath::direction(double frame) const {
     return renormalised(w);
 }
 
-Vec3d AirPath::over(double begin, double end) const {
+Vec3d AirPath::integral(double begin, double end) const {
     const double middle = 0.5 * (begin + end), half = 0.5 * (end - begin);
     // No key lies between the ends.
     const size_t of_speed = speeds_ ? speeds_->keys_until(middle) : 0,
@@ -75,9 +75,9 @@ Vec3d AirPath::over(double begin, double end) const {
 // Appends where the piece from `begin` to `end` ends, after halving it as often as it needs.
 void AirPath::add_pieces(double begin, double end, int halvings) {
     const double middle = 0.5 * (begin + end);
-    const Vec3d whole = over(begin, end);
+    const Vec3d whole = integral(begin, end);
     if (directions_ && halvings < max_halvings && begin < middle && middle < end) {
-        const Vec3d halves = over(begin, middle) + over(middle, end);
+        const Vec3d halves = integral(begin, middle) + integral(middle, end);
         const double way = (end - begin) * std::max(speed(begin), speed(end));
         // Frames are rounded, and with them where on its way the direction is.
         const double rounding = 8.0 * std::numeric_limits<double>::epsilon() *
@@ -96,7 +96,7 @@ Vec3d AirPath::displacement(double frame) const {
     const auto after = std::ranges::upper_bound(pieces_, frame, {}, &Piece::begin);
     const Piece& piece = *(after - 1);
     if (after == pieces_.end()) return piece.displacement + velocity(frame) * (frame - piece.begin);
-    return piece.displacement + over(piece.begin, frame);
+    return piece.displacement + integral(piece.begin, frame);
 }
 
 bool AirPath::moves() const {

@@ -388,7 +388,7 @@ void set_gust_plane(Gusts& gusts, const Vec3d& lower, const Vec3d& upper, const 
     Vec3d middle = 0.5 * lower + 0.5 * upper, half = 0.5 * upper - 0.5 * lower;
     if (!middle.allFinite() || !half.allFinite() || half.minCoeff() < 0.0) middle = half = Vec3d::Zero();
     if (!gusts.center) gusts.center = middle;
-    if (wind.path && wind.path->turns()) {
+    if (wind.path && wind.path->has_direction_keys()) {
         if (!gusts.extent) gusts.extent = Vec2d::Constant(2.0 * half.norm());
         if (!gusts.distance)
             gusts.distance = (*gusts.center - middle).norm() + half.norm() + gusts.radius.y();

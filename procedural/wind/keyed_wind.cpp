@@ -11,125 +11,92 @@
 
 namespace marram {
 
+using Numbers = std::span<const double>;
+
 struct KeyableParam {
+    // The value at one time.
+    struct Now {
+        size_t element; // of a list: which of its tables
+        Numbers numbers;
+        std::string_view text; // interpolation of a ramp
+    };
     std::string_view name;
-    void (*set)(Wind& wind, size_t control, std::span<const double> numbers, std::string_view text);
+    void (*set)(Wind& wind, const Now& value);
     // Of a key: the wind's own number is that of the key with the greatest weight. nullptr: the first.
-    double (*weight)(const Wind& wind, std::span<const double> numbers);
+    double (*weight)(const Wind& wind, Numbers numbers);
 };
 
 namespace {
 
-double value(const Wind&, std::span<const double> numbers) { return numbers[0]; }
-double magnitude(const Wind&, std::span<const double> numbers) { return std::abs(numbers[0]); }
-double length(const Wind&, std::span<const double> numbers) { return Vec3d(numbers.data()).norm(); }
-double smallness(const Wind&, std::span<const double> numbers) { return -numbers[0]; }
+using ValueNow = KeyableParam::Now;
+
+double value(const Wind&, Numbers numbers) { return numbers[0]; }
+double magnitude(const Wind&, Numbers numbers) { return std::abs(numbers[0]); }
+double length(const Wind&, Numbers numbers) { return Vec3d(numbers.data()).norm(); }
+double smallness(const Wind&, Numbers numbers) { return -numbers[0]; }
 // Minus the rate at which an oscillator of damping zeta forgets, over its frequency: zeta, or of an
 // overdamped one zeta - sqrt(zeta^2 - 1). Between two keys the rate is not below both.
-double memory(const Wind&, std::span<const double> numbers) {
+double memory(const Wind&, Numbers numbers) {
     const double zeta = numbers[0];
     return zeta < 1.0 ? -zeta : -1.0 / (zeta + std::sqrt(zeta * zeta - 1.0));
 }
-double largest_of_ramp(const Wind&, std::span<const double> numbers) {
+double largest_of_ramp(const Wind&, Numbers numbers) {
     double most = 0.0;
     for (size_t i = 1; i < numbers.size(); i += 2) most = std::max(most, numbers[i]);
     return most;
 }
-double strength(const Wind& wind, std::span<const double> numbers) { return wind.response(numbers[0]); }
+double strength(const Wind& wind, Numbers numbers) { return wind.response(numbers[0]); }
 
+template <auto member>
+void set_number(Wind& wind, const ValueNow& value) {
+    wind.*member = value.numbers[0];
+}
 // Optional stages may have been removed from a copy of the wind.
-constexpr std::array keyable_params =
-    {
-        KeyableParam{"wind.direction",
-                     [](Wind& wind, size_t, std::span<const double> n, std::string_view) {
-                         wind.direction = renormalised(Vec3d(n.data()));
-                     },
-                     nullptr},
-        KeyableParam{
-            "wind.speed",
-            [](Wind& wind, size_t, std::span<const double> n, std::string_view) { wind.speed = n[0]; },
-            strength},
-        KeyableParam{
-            "wind.calm",
-            [](Wind& wind, size_t, std::span<const double> n, std::string_view) { wind.calm = n[0]; }, value},
-        KeyableParam{"wind.global_rotate",
-                     [](Wind& wind, size_t, std::span<const double> n, std::string_view) {
-                         wind.global_rotate = n[0];
-                     },
-                     value},
-        KeyableParam{"wind.ramp_rotate",
-                     [](Wind& wind, size_t, std::span<const double> n, std::string_view text) {
-                         wind.ramp_rotate = Ramp(n, text);
-                     },
-                     largest_of_ramp},
-        KeyableParam{
-            "wind.waviness",
-            [](Wind& wind, size_t, std::span<const double> n, std::string_view) { wind.waviness = n[0]; },
-            magnitude},
-        KeyableParam{"wind.noise.amplitude",
-                     [](Wind& wind, size_t, std::span<const double> n, std::string_view) {
-                         wind.noise_amplitude = n[0];
-                     },
-                     value},
-        KeyableParam{
-            "wind.noise.evolution",
-            [](Wind& wind, size_t, std::span<const double> n, std::string_view) { wind.evolution = n[0]; },
-            magnitude},
-        KeyableParam{"wind.gusts.strength",
-                     [](Wind& wind, size_t, std::span<const double> n, std::string_view) {
-                         if (wind.gusts) wind.gusts->strength = n[0];
-                     },
-                     value},
-        KeyableParam{"wind.gusts.control[].strength",
-                     [](Wind& wind, size_t control, std::span<const double> n, std::string_view) {
-                         if (wind.gusts) wind.gusts->controls[control].strength = n[0];
-                     },
-                     magnitude},
-        KeyableParam{"wind.field[].velocity",
-                     [](Wind& wind, size_t field, std::span<const double> n, std::string_view) {
-                         if (field < wind.fields.size()) wind.fields[field].velocity = Vec3d(n.data());
-                     },
-                     length},
-        KeyableParam{"wind.field[].swirl",
-                     [](Wind& wind, size_t field, std::span<const double> n, std::string_view) {
-                         if (field < wind.fields.size()) wind.fields[field].swirl = n[0];
-                     },
-                     magnitude},
-        KeyableParam{"wind.field[].pull",
-                     [](Wind& wind, size_t field, std::span<const double> n, std::string_view) {
-                         if (field < wind.fields.size()) wind.fields[field].pull = n[0];
-                     },
-                     magnitude},
-        KeyableParam{"wind.field[].weight",
-                     [](Wind& wind, size_t field, std::span<const double> n, std::string_view) {
-                         if (field < wind.fields.size()) wind.fields[field].weight = n[0];
-                     },
-                     value},
-        KeyableParam{"wind.shielding.shield",
-                     [](Wind& wind, size_t, std::span<const double> n, std::string_view) {
-                         if (wind.shielding) wind.shielding->shield = n[0];
-                     },
-                     value},
-        KeyableParam{"wind.jiggle.frequency",
-                     [](Wind& wind, size_t, std::span<const double> n, std::string_view) {
-                         if (wind.jiggle) wind.jiggle->frequency = n[0];
-                     },
-                     smallness},
-        KeyableParam{"wind.jiggle.damping",
-                     [](Wind& wind, size_t, std::span<const double> n, std::string_view) {
-                         if (wind.jiggle) wind.jiggle->damping = n[0];
-                     },
-                     memory},
-        KeyableParam{"envelope", // of a groom
-                     [](Wind& wind, size_t, std::span<const double> n, std::string_view text) {
-                         wind.point_envelope = Ramp(n, text);
-                     },
-                     largest_of_ramp},
-        KeyableParam{"wind.collision.offset_scale",
-                     [](Wind& wind, size_t, std::span<const double> n, std::string_view) {
-                         if (wind.collision) wind.collision->offset_scale = n[0];
-                     },
-                     value},
+template <auto stage, auto member>
+void set_number_of(Wind& wind, const ValueNow& value) {
+    if (wind.*stage) (*(wind.*stage)).*member = value.numbers[0];
+}
+template <auto member>
+void set_number_of_field(Wind& wind, const ValueNow& value) {
+    wind.fields[value.element].*member = value.numbers[0];
+}
+void set_direction(Wind& wind, const ValueNow& value) {
+    wind.direction = renormalised(Vec3d(value.numbers.data()));
+}
+void set_ramp_rotate(Wind& wind, const ValueNow& value) {
+    wind.ramp_rotate = Ramp(value.numbers, value.text);
+}
+void set_envelope_of_groom(Wind& wind, const ValueNow& value) {
+    wind.point_envelope = Ramp(value.numbers, value.text);
+}
+void set_control_strength(Wind& wind, const ValueNow& value) {
+    if (wind.gusts) wind.gusts->controls[value.element].strength = value.numbers[0];
+}
+void set_field_velocity(Wind& wind, const ValueNow& value) {
+    wind.fields[value.element].velocity = Vec3d(value.numbers.data());
+}
+
+constexpr std::array keyable_params = {
+    KeyableParam{"wind.direction", set_direction, nullptr},
+    KeyableParam{"wind.speed", set_number<&Wind::speed>, strength},
+    KeyableParam{"wind.calm", set_number<&Wind::calm>, value},
+    KeyableParam{"wind.global_rotate", set_number<&Wind::global_rotate>, value},
+    KeyableParam{"wind.ramp_rotate", set_ramp_rotate, largest_of_ramp},
+    KeyableParam{"wind.waviness", set_number<&Wind::waviness>, magnitude},
+    KeyableParam{"wind.noise.amplitude", set_number<&Wind::noise_amplitude>, value},
+    KeyableParam{"wind.noise.evolution", set_number<&Wind::evolution>, magnitude},
+    KeyableParam{"wind.gusts.strength", set_number_of<&Wind::gusts, &Gusts::strength>, value},
+    KeyableParam{"wind.gusts.control[].strength", set_control_strength, magnitude},
+    KeyableParam{"wind.field[].velocity", set_field_velocity, length},
+    KeyableParam{"wind.field[].swirl", set_number_of_field<&PlacedField::swirl>, magnitude},
+    KeyableParam{"wind.field[].pull", set_number_of_field<&PlacedField::pull>, magnitude},
+    KeyableParam{"wind.field[].weight", set_number_of_field<&PlacedField::weight>, value},
+    KeyableParam{"wind.shielding.shield", set_number_of<&Wind::shielding, &Shielding::shield>, value},
+    KeyableParam{"wind.jiggle.frequency", set_number_of<&Wind::jiggle, &Jiggle::frequency>, smallness},
+    KeyableParam{"wind.jiggle.damping", set_number_of<&Wind::jiggle, &Jiggle::damping>, memory},
+    KeyableParam{"wind.collision.offset_scale", set_number_of<&Wind::collision, &Collision::offset_scale>,
+                 value},
+    KeyableParam{"envelope", set_envelope_of_groom, largest_of_ramp},
 };
 
 // Makes the directions unit.
@@ -168,23 +135,23 @@ void check_ramp(const Values& values, const std::string& name, const Keyframes& 
                              "keep its values inside");
 }
 
-void add_track(const KeyableParam& param, const std::string& name, size_t control, Keyframes keys,
+void add_track(const KeyableParam& param, const std::string& name, size_t element, Keyframes keys,
                std::string text, Wind& wind, std::vector<KeyedWind::Track>& tracks) {
     KeyedWind::Track& track =
-        tracks.emplace_back(KeyedWind::Track{name, &param, control, std::move(keys), std::move(text)});
+        tracks.emplace_back(KeyedWind::Track{name, &param, element, std::move(keys), std::move(text)});
     size_t best = 0;
     for (size_t i = 1; i < track.keys.count() && param.weight; ++i)
         if (param.weight(wind, track.keys.key(i)) > param.weight(wind, track.keys.key(best))) best = i;
-    param.set(wind, control, track.keys.key(best), track.text);
+    param.set(wind, {element, track.keys.key(best), track.ramp_interpolation});
 }
 
-void add_given(const Values& values, const KeyableParam& param, const std::string& name, size_t control,
+void add_given(const Values& values, const KeyableParam& param, const std::string& name, size_t element,
                Wind& wind, std::vector<KeyedWind::Track>& tracks) {
     std::optional<Keyframes> keys = values.keyframes(name);
     if (!keys) return;
     if (name == "wind.direction") normalise(values, *keys);
     check_ramp(values, name, *keys);
-    add_track(param, name, control, std::move(*keys), values.at(name).text, wind, tracks);
+    add_track(param, name, element, std::move(*keys), values.at(name).text, wind, tracks);
 }
 
 // Between keys the response may be above that at the keys: at its own knots.
@@ -285,7 +252,7 @@ void read_keys(const Values& values, Wind& wind) {
 GustCarrier gust_carrier(const Wind& wind) {
     if (!wind.keys) return {wind.direction, wind.speed};
     const bool relative = !wind.gusts || wind.gusts->speed_is_relative;
-    return {wind.direction, wind.speed, relative ? &wind.keys->air : &wind.keys->course};
+    return {wind.direction, wind.speed, relative ? &wind.keys->air : &wind.keys->at_unit_speed};
 }
 
 Wind wind_at(const Wind& wind, double frame) {
@@ -295,7 +262,7 @@ Wind wind_at(const Wind& wind, double frame) {
     for (const KeyedWind::Track& track : wind.keys->tracks) {
         numbers.resize(track.keys.numbers_per_key());
         track.keys.at(frame, numbers);
-        track.param->set(now, track.control, numbers, track.text);
+        track.param->set(now, {track.element, numbers, track.ramp_interpolation});
     }
     return now;
 }

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Winds whose numbers have keys. `Wind` then holds, of each such
-// number, the key that matters most (below), so that what is decided for all times is on the safe side;
-// wind_at() gives the wind at one time.
+// Winds whose numbers have keys. CV counts, rays, steps and windows are chosen for all frames, so `Wind`
+// itself then holds, of each such number, the key that asks for most (below); wind_at() gives the wind at
+// one time.
 //
 // To make a parameter of [wind] keyable: param::keyable() where it is declared, and a row in keyed_wind.cpp.
 #pragma once
@@ -19,24 +19,25 @@ struct KeyedWind {
     struct Track {
         std::string name; // "wind.speed"
         const struct KeyableParam* param;
-        size_t control; // index of the gust control that it belongs to
+        size_t element; // of a list, such as gusts.control: which of its tables
         Keyframes keys;
-        std::string text; // interpolation of a ramp
+        std::string ramp_interpolation; // of a ramp, else ""
     };
     std::vector<Track> tracks;
-    AirPath air;       // noise and gusts move with it
-    AirPath course;    // the same at 1 m/s: of gusts that have a speed of their own
-    AirPath evolution; // x: cells of noise
+    AirPath air;           // of the mean wind: what carries noise and gusts
+    AirPath at_unit_speed; // the same at 1 m/s: times the speed of a gust that has one of its own
+    AirPath evolution;     // x: cells of noise a second, integrated likewise; y and z are 0
 };
 
-// Sets wind.keys if values have keys, and the numbers of `wind` that have them: to the key with the
-// strongest wind, the largest number, or of jiggle the longest memory. Throws SceneFault.
+// Sets wind.keys if values have keys, and the numbers of `wind` that have them: speed to that
+// with the largest response, jiggle to the key with the longest memory, direction to the first, others to the
+// largest number. Throws SceneFault.
 void read_keys(const Values& values, Wind& wind);
 
-// What gusts go with.
+// The path that gusts take, of the keys if the wind has any.
 GustCarrier gust_carrier(const Wind& wind);
 
-// The wind at a frame. Costs a copy: about 2 us.
+// The wind at a frame. Costs a copy of the Wind: to be called once a time, not once a patch.
 Wind wind_at(const Wind& wind, double frame);
 
 } // namespace marram

@@ -103,11 +103,11 @@ std::vector<PlacedField> read_fields(const Values& values) {
         field.core = values.number(prefix + "core");
         field.weight = values.number(prefix + "weight");
         field.ramp = falling_ramp(values, prefix + "ramp", "field.ramp_jumps", "field.ramp_end");
-        field.place = values.at(prefix + "transform").place;
+        field.location = values.at(prefix + "transform").place;
     }
 }
 
-double max_speed(const PlacedField& field) {
+double max_added_speed(const PlacedField& field) {
     return field.velocity.norm() + std::abs(field.swirl) + std::abs(field.pull);
 }
 

@@ -157,7 +157,7 @@ double wind_response(const Wind& wind) { return std::clamp(wind.response(wind.sp
 double max_response(const Wind& wind) {
     if (wind.fields.empty()) return wind_response(wind);
     double fastest = wind.speed;
-    for (const PlacedField& field : wind.fields) fastest += max_speed(field);
+    for (const PlacedField& field : wind.fields) fastest += max_added_speed(field);
     double most = std::max(wind.response(wind.speed), wind.response(fastest));
     for (const double knot : wind.response.positions())
         if (knot > 0.0 && knot < fastest) most = std::max(most, wind.response(knot));

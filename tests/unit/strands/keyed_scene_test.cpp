@@ -45,8 +45,7 @@ double largest_difference(const Pose& a, const Pose& b) {
     return most;
 }
 
-// The host's world keeps the pose of one wind; a key that comes later must not reach back. (Jiggle looks two
-// of its steps ahead.)
+// What comes after a key must not reach back before it. (Jiggle looks two of its steps ahead.)
 TEST(KeyedWind, ChangesNoBitBeforeAKey) {
     const std::string constant_wind = everything + jiggles + "speed = 3\n";
     const std::string keyed = everything + jiggles + "speed = { keys = [[24, 3], [25, 6]] }\n";

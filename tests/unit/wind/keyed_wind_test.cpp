@@ -122,7 +122,7 @@ TEST(AirPath, HasFewPiecesForManyKeys) {
             speeds.frames.push_back(turns.frames.back());
             speeds.numbers.push_back(5.0 + 4.0 * std::sin(i * 78.233));
         }
-        EXPECT_LT(AirPath(0.0, {}, speeds, turns).pieces(), 5U * 8760U) << from;
+        EXPECT_LT(AirPath(0.0, {}, speeds, turns).piece_count(), 5U * 8760U) << from;
     }
 }
 

@@ -171,6 +171,29 @@ void StrandInstance::choose_settings() {
              "set it by hand, or give a larger tolerance");
 }
 
+// The ground that the wind blows over, as it is in this frame: the past is that over the same ground.
+void StrandInstance::find_ground() {
+    std::shared_ptr<GroundAir> found;
+    if (wind.over && frame.stage != MARRAM_REST) {
+        const auto mesh_of = [&](const MarramMesh& m) {
+            return m.instance_of == 0 && wind.over->mesh == m.name;
+        };
+        const auto named = std::ranges::find_if(meshes, mesh_of);
+        if (named == meshes.end())
+            throw SceneFault("wind.no_ground", wind.over->place,
+                             "there is no mesh '" + wind.over->mesh + "' for the wind to blow over",
+                             "name one of the scene's");
+        found = GroundAir::over(*named);
+        if (found->ground().heights.empty())
+            throw SceneFault("wind.no_ground", wind.over->place,
+                             "the mesh '" + wind.over->mesh +
+                                 "' has no area seen from above, or is not finite",
+                             "name a mesh that lies below the wind");
+    }
+    if (found != ground) forget_past();
+    ground = std::move(found);
+}
+
 MarramOutput StrandInstance::begin(LentFrame lent) {
     frame = lent.frame;
     meshes = std::move(lent.meshes);
@@ -179,6 +202,9 @@ MarramOutput StrandInstance::begin(LentFrame lent) {
                          "pass the committed scene of the frame's meshes");
     workers.clear();
     lay_out();
+    const double finding = wall_seconds();
+    find_ground();
+    begin_seconds.prepare += wall_seconds() - finding;
     set_gust_plane_once(host, frame, bounds_without_meshes(), wind, gust_start);
     const double choosing = wall_seconds();
     choose_settings();
@@ -240,7 +266,7 @@ void StrandInstance::report(const ReportSink& sink) {
     report_own(sink);
     begin_seconds = {};
     const Bytes held = bytes();
-    const size_t shared = held.shared + past.bytes();
+    const size_t shared = held.shared + past.bytes() + (ground ? ground->bytes() : 0);
     size_t states = 0;
     for (const auto& batches : jiggle_states)
         for (const JiggleState& state : batches) states += state.bytes();

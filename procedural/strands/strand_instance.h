@@ -55,6 +55,7 @@ struct StrandInstance : Instance {
     std::vector<MeshInstance> mesh_instances; // the mesh and its instances; one if strands are not bound
     uint32_t time_count = 1;                  // motion samples that the chain computes
     ChainFrame chain;
+    std::shared_ptr<GroundAir> ground; // of wind.over
     ColliderTrees trees;
     PastSkin past; // its window is used even without a skin
     // What jiggle keeps from frame to frame: [patch][batch of strands with one CV count], and of the guides.
@@ -150,6 +151,7 @@ struct StrandInstance : Instance {
     virtual void report_own(const ReportSink& sink) const = 0;
 
   private:
+    void find_ground();
     void choose_settings();
     Choice choose_step(double tolerance);
     PastSettings settings_of_past() const;

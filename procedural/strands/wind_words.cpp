@@ -144,6 +144,7 @@ std::string wind_summary(const Wind& wind, const MarramFrame& frame, const Eigen
             : now.calm < 1.0 ? fmt::format("  calm: {:.3g} of that\n", now.calm)
                              : "";
     if (wind.gusts) text += gust_text(wind, frame, strands);
+    if (wind.over) text += fmt::format("  over: {}\n", wind.over->mesh);
     if (!wind.fields.empty()) text += fmt::format("  fields: {}\n", wind.fields.size());
     std::string stages;
     const auto add = [&](bool runs, const char* stage) {

@@ -3,6 +3,7 @@
 
 #include "procedural/abi/ramp_table.h"
 #include "procedural/wind/bend.h"
+#include "procedural/wind/keyed_wind.h"
 
 #include <algorithm>
 #include <cstring>
@@ -35,13 +36,16 @@ ChainFrame make_chain_frame(const ChainInput& input) {
     ChainFrame chain{&wind, &input.point_envelope, frame, input.skin, input.radius_profile, input.basis,
                      {},    input.window,          {}};
     const bool bends = frame.stage != MARRAM_REST && wind_bends(wind);
+    if (bends) chain.ground = input.ground;
+    if (bends) chain.canopy = input.canopy;
     chain.instants.resize(frame.time_count);
     for (uint32_t t = 0; t < frame.time_count; ++t) {
         ChainFrame::Instant& instant = chain.instants[t];
         if (wind.shielding || wind.collision) instant.colliders = colliders_at(frame, t);
         if (wind.shielding && wind.shielding->wake_heights)
             instant.obstacle_heights = obstacle_heights(instant.colliders);
-        instant.wind = wind_with_gusts(wind, frame.times[t], frame.fps, bends, input.rest);
+        instant.wind =
+            wind_with_gusts(wind, frame.times[t], frame.fps, bends, input.rest, chain.ground.get());
     }
     const bool asks_tree =
         wind.collision && (wind.collision->solver == Solver::exact || wind.collision->offset_scale);
@@ -52,9 +56,12 @@ ChainFrame make_chain_frame(const ChainInput& input) {
         (input.trees ? *input.trees : fresh).build_or_reuse(frame, input.query_bounds, colliders);
     }
     if ((wind.gusts || wind.keys || !wind.fields.empty()) && bends && !chain.window.empty())
-        chain.past_wind =
-            std::make_shared<PastWind>(wind, PastWind::Key{frame.fps, wind.jiggle->step, input.rest},
-                                       chain.window.first, chain.window.last, input.past_wind);
+        chain.past_wind = std::make_shared<PastWind>(
+            wind, PastWind::Key{frame.fps, wind.jiggle->step, input.rest, chain.ground}, chain.window.first,
+            chain.window.last, input.past_wind);
+    // Now, since patches ask for the past from within parallel loops.
+    for (int64_t s = chain.window.first; chain.past_wind && chain.ground && s <= chain.window.last; ++s)
+        ground_at(wind, wind.jiggle->frame_of(s), chain.ground.get());
     return chain;
 }
 
@@ -67,18 +74,40 @@ MARRAM_INLINE void scale_by_block(const WideVector<VFloat>& factors, Strands& st
 }
 
 // e = clamp(calm + gusts) * groom's envelope * (1 - shield * sheltered fraction) * response(speed)
+// Over ground, the stronger shelter counts, of rays or of the ground; speed-up counts in either case.
 MARRAM_HOT void set_envelope(const Wind& wind, const float* own, Strands& strands) {
     const VFloat calm = splat_float(float(wind.calm)), one = splat_float(1.0F), zero{};
+    const bool once = !strands.wind_unsheltered.empty();
     const VFloat loss = splat_float(wind.shielding ? float(wind.shielding->shield) : 0.0F);
     for (int i = 0; i < strands.blocks; ++i)
         for (int k = 0; k < strands.cvs; ++k) {
             const size_t at = size_t(i) * size_t(strands.cvs) + size_t(k);
             VFloat e = calm + strands.gust[at];
             e = e < zero ? zero : e > one ? one : e;
-            const VFloat left = one - loss * strands.shield[at];
-            strands.envelope[at] = e * (left > zero ? left : zero) * own[k];
+            VFloat left = one - loss * strands.shield[at];
+            left = left > zero ? left : zero;
+            if (once)
+                left = vmin(left * strands.wind_unsheltered[size_t(i)], strands.wind_response[size_t(i)]);
+            strands.envelope[at] = e * left * own[k];
         }
     if (strands.has_wind_share) scale_by_block(strands.wind_share, strands);
+}
+
+// The canopy slows the wind: the envelope times response(speed * canopy) / response(speed).
+MARRAM_HOT void scale_by_canopy(const Wind& wind, Strands& strands) {
+    const bool local = !strands.wind_speed.empty();
+    const VDouble mean = splat(wind.speed);
+    for (int i = 0; i < strands.blocks; ++i) {
+        const VDouble speed = local ? to_double(strands.wind_speed[size_t(i)]) : mean;
+        const VDouble free = vmin(vmax(evaluate(wind.response, speed), VDouble{}), 1.0);
+        const VLong blows = free > 0.0;
+        const VDouble per_free = select(blows, 1.0 / select(blows, free, 1.0), 0.0);
+        for (int k = 0; k < strands.cvs; ++k) {
+            const size_t at = size_t(i) * size_t(strands.cvs) + size_t(k);
+            const VDouble slowed = evaluate(wind.response, speed * to_double(strands.canopy[at]));
+            strands.envelope[at] *= to_float(vmin(vmax(slowed, VDouble{}), 1.0) * per_free);
+        }
+    }
 }
 
 // The groom's envelope for strands with irregular segments: u differs from strand to strand.
@@ -99,11 +128,14 @@ void bend_at(const ChainFrame& chain, const WindAt& at, double frame, Strands& s
     }
     const StageTimer timer(clock.bend);
     const bool rests = chain.frame.stage == MARRAM_REST;
-    if (at.fields.empty() || rests) {
+    if ((at.fields.empty() && !at.ground.air) || rests) {
         strands.wind_direction.clear();
         strands.wind_response.clear();
+        strands.wind_unsheltered.clear();
     } else {
-        local_wind(wind.direction, wind.speed, wind.response, at.fields, strands);
+        local_wind({wind.direction, wind.speed, wind.response, at.fields, at.ground,
+                    wind.over ? wind.over->speed : SpeedHeight{}, wind.shielding.has_value()},
+                   strands);
     }
     const bool local = !strands.wind_response.empty();
     const double response = rests ? 0.0 : local ? 1.0 : wind_response(wind);
@@ -115,7 +147,12 @@ void bend_at(const ChainFrame& chain, const WindAt& at, double frame, Strands& s
     }
     set_envelope(wind, own.data(), strands);
     if (strands.irregular) scale_envelope(envelope, strands);
-    if (local) scale_by_block(strands.wind_response, strands);
+    if (local && strands.wind_unsheltered.empty()) scale_by_block(strands.wind_response, strands);
+    if (chain.canopy && response > 0.0) {
+        const bool turns = chain.wind->keys && chain.wind->keys->air.has_direction_keys();
+        if (strands.canopy.empty() || turns) chain.canopy->attenuate(wind.direction, strands);
+        scale_by_canopy(wind, strands);
+    }
     if (response > 0.0 && wind_bends(wind)) {
         bend(wind, frame, chain.frame.fps, strands);
     } else {
@@ -165,12 +202,14 @@ void jiggle_patch(const ChainFrame& chain, const RestStrandSource& rest_strands,
     scratch.filter.begin(jiggle, chain.window, chain.frame.fps, strands.cvs, strands.blocks, past.u);
     WindAt same_always;
     same_always.wind = &wind;
+    same_always.ground = chain.instants[0].wind.ground;
     std::optional<int64_t> laid_out; // the past sample whose rest strands `past` holds
     const auto bent = [&](int64_t past_sample, WideVector<Wide3f>& pose) {
         if (!rest_strands.moved) {
             if (!laid_out) past.copy_rest(strands);
         } else if (!laid_out || !rest_strands.same_at || !rest_strands.same_at(*laid_out, past_sample)) {
             rest_strands.at_past_sample(past_sample, past);
+            past.canopy.clear();
         }
         laid_out = past_sample;
         bend_at(chain, chain.past_wind ? chain.past_wind->at(past_sample) : same_always,
@@ -196,6 +235,7 @@ void jiggle_patch(const ChainFrame& chain, const RestStrandSource& rest_strands,
 void run_chain(const ChainFrame& chain, uint32_t time, Strands& strands, ChainScratch& scratch) {
     const ChainFrame::Instant& instant = chain.instants[time];
     shelter(chain, time, strands, scratch.clock);
+    strands.canopy.clear();
     bend_at(chain, instant.wind, chain.frame.times[time], strands, scratch.clock);
     if (chain.frame.stage != MARRAM_FINAL) return;
     if (chain.window.count() > 0 && !scratch.jiggled[time].empty()) {

@@ -11,6 +11,7 @@
 #pragma once
 
 #include "core/math/clock.h"
+#include "procedural/wind/canopy.h"
 #include "procedural/wind/jiggle_filter.h"
 #include "procedural/wind/past_wind.h"
 #include "procedural/wind/strands.h"
@@ -53,6 +54,8 @@ struct ChainFrame {
     std::vector<Instant> instants;       // [motion sample]
     JiggleWindow window;                 // empty: strands do not jiggle
     std::shared_ptr<PastWind> past_wind; // nullptr: the same at all times
+    std::shared_ptr<GroundAir> ground;   // of wind->over
+    const Canopy* canopy = nullptr;      // that the strands stand in
 
     size_t gust_bytes() const;
 };
@@ -69,8 +72,10 @@ struct ChainInput {
         everywhere(); // contains every strand at every motion sample, in any wind
     Eigen::AlignedBox3d rest =
         everywhere(); // contains every rest CV at every motion sample and past sample of the window
-    ColliderTrees* trees = nullptr; // of the previous frame; reused if the colliders have not changed
-    PastWind* past_wind = nullptr;  // of the previous frame; the new one takes over what it has made
+    ColliderTrees* trees = nullptr;      // of the previous frame; reused if the colliders have not changed
+    PastWind* past_wind = nullptr;       // of the previous frame; the new one takes over what it has made
+    std::shared_ptr<GroundAir> ground{}; // of wind.over
+    const Canopy* canopy = nullptr;
 };
 ChainFrame make_chain_frame(const ChainInput& input);
 

@@ -64,14 +64,24 @@ MARRAM_INLINE Wide3d with_field(const FieldAt& at, const Wide3d& p, const Wide3d
     return v + (field.replaces ? world - v : world) * share;
 }
 
-MARRAM_HOT void wind_of_blocks(const Vec3d& mean, double speed, const Ramp& response,
-                               std::span<const FieldAt> fields, Strands& strands) {
-    const Wide3d direction = splat3(mean.data()), undisturbed = direction * splat(speed);
-    const float mean_response = float(std::clamp(response(speed), 0.0, 1.0));
+MARRAM_HOT void wind_of_blocks(const LocalWind& wind, std::span<const FieldAt> fields, Strands& strands) {
+    const Ramp& response = wind.response;
+    const Wide3d direction = splat3(wind.direction.data()), undisturbed = direction * splat(wind.speed);
+    const float mean_response = float(std::clamp(response(wind.speed), 0.0, 1.0));
+    const bool once = !strands.wind_unsheltered.empty();
     for (int i = 0; i < strands.blocks; ++i) {
-        const Wide3d p = to_double(strands.rest[size_t(i) * size_t(strands.cvs)]);
+        const Wide3f* const rest = strands.rest.data() + size_t(i) * size_t(strands.cvs);
+        const Wide3d p = to_double(rest[0]);
+        const auto with_fields = [&](Wide3d v) MARRAM_ALWAYS_INLINE {
+            for (const FieldAt& field : fields) v = with_field(field, p, v);
+            return v;
+        };
         Wide3d v = undisturbed;
-        for (const FieldAt& field : fields) v = with_field(field, p, v);
+        if (wind.ground.air) {
+            const VDouble above = (to_double(rest[strands.cvs - 1]).y - p.y) * 0.5;
+            v = wind_over_ground(wind.ground, wind.reference, p, above, wind.speed * wind.direction);
+        }
+        v = with_fields(v);
         const Wide3d d = v - undisturbed;
         const VLong changed = dot(d, d) > 0.0;
         const VDouble length = vsqrt(dot(v, v));
@@ -79,7 +89,13 @@ MARRAM_HOT void wind_of_blocks(const Vec3d& mean, double speed, const Ramp& resp
         const VDouble strength = vmin(vmax(evaluate(response, length), 0.0), 1.0);
         strands.wind_direction[size_t(i)] =
             select(turned, v * (1.0 / select(turned, length, 1.0)), direction);
-        strands.wind_response[size_t(i)] = to_float(select(changed, strength, splat(double(mean_response))));
+        strands.wind_speed[size_t(i)] = to_float(length);
+        const VFloat sheltered = to_float(select(changed, strength, splat(double(mean_response))));
+        strands.wind_response[size_t(i)] = sheltered;
+        if (!once) continue;
+        const Wide3d level = with_fields(undisturbed);
+        const VFloat there = to_float(vmin(vmax(evaluate(response, vsqrt(dot(level, level))), 0.0), 1.0));
+        strands.wind_unsheltered[size_t(i)] = vmax(sheltered, there);
     }
 }
 
@@ -148,10 +164,11 @@ bool field_touches(const PlacedField& field, const Vec2d& frames, const Eigen::A
     return false;
 }
 
-void local_wind(const Vec3d& direction, double speed, const Ramp& response, std::span<const FieldAt> fields,
-                Strands& strands) {
+void local_wind(const LocalWind& wind, Strands& strands) {
     strands.wind_direction.resize(size_t(strands.blocks));
     strands.wind_response.resize(size_t(strands.blocks));
+    strands.wind_speed.resize(size_t(strands.blocks));
+    strands.wind_unsheltered.resize(wind.shielded && wind.ground.air ? size_t(strands.blocks) : 0);
     Vec3d lower = Vec3d::Constant(infinity), upper = -lower;
     for (int i = 0; i < strands.blocks; ++i) {
         const Wide3f& p = strands.rest[size_t(i) * size_t(strands.cvs)];
@@ -162,10 +179,10 @@ void local_wind(const Vec3d& direction, double speed, const Ramp& response, std:
         }
     }
     std::vector<FieldAt> near; // usually none or one
-    for (const FieldAt& field : fields)
+    for (const FieldAt& field : wind.fields)
         if ((field.lower.array() <= upper.array()).all() && (field.upper.array() >= lower.array()).all())
             near.push_back(field);
-    wind_of_blocks(direction, speed, response, near, strands);
+    wind_of_blocks(wind, near, strands);
 }
 
 } // namespace marram

@@ -14,7 +14,8 @@
 // as 1 / q outside, and smooth. A scale that differs between axes stretches where a field is, not the speeds.
 //
 // A strand takes the wind at its root: the direction of v is what it turns towards, and response(|v|) its
-// strength. Noise and gusts are carried by the mean wind: carried by v, they would be sheared without end. Rays
+// strength. Where wind.over names ground, v starts as the wind over it (ground_air.h), half way up the strand.
+// Noise and gusts are carried by the mean wind: carried by v, they would be sheared without end. Rays
 // for shelter go upwind of the mean wind.
 //
 // ERROR: in double; the response is stored as a float, off by less than 1e-6 (local_wind_test.cpp). COST:
@@ -25,6 +26,7 @@
 #include "core/math/transform.h"
 #include "core/math/vec.h"
 #include "procedural/abi/values.h"
+#include "procedural/air/ground_air.h"
 #include "procedural/wind/strands.h"
 
 #include <span>
@@ -68,8 +70,17 @@ std::vector<FieldAt> fields_at(std::span<const PlacedField> fields, double frame
 // tried, or 1000 times of a longer shot, so one that flies through between two is missed. For warnings.
 bool field_touches(const PlacedField& field, const Vec2d& frames, const Eigen::AlignedBox3d& box);
 
-// Sets strands.wind_direction and strands.wind_response, from the roots of strands.rest.
-void local_wind(const Vec3d& direction, double speed, const Ramp& response, std::span<const FieldAt> fields,
-                Strands& strands);
+struct LocalWind {
+    Vec3d direction; // of the mean wind
+    double speed;
+    const Ramp& response;
+    std::span<const FieldAt> fields;
+    GroundAir::At ground{}; // over which it blows, if any: fields change what the ground has made of it
+    SpeedHeight reference{};
+    bool shielded = false; // rays find shelter, too
+};
+// Sets strands.wind_direction, wind_speed and wind_response, from the roots of strands.rest; and, with `shielded` and
+// ground, strands.wind_unsheltered.
+void local_wind(const LocalWind& wind, Strands& strands);
 
 } // namespace marram

@@ -18,19 +18,23 @@ struct WindAt {
     std::shared_ptr<const Wind> own;
     GustField gusts;             // refers to wind->gusts
     std::vector<FieldAt> fields; // of wind->fields
+    GroundAir::At ground;        // of wind->over
 };
-// with_gusts: false if the caller needs none. `within`: as in gusts_at().
+// with_gusts: false if the caller needs none. `within`: as in gusts_at(). `ground`: nullptr: none.
 WindAt wind_with_gusts(const Wind& wind, double frame, double fps, bool with_gusts,
-                       const Eigen::AlignedBox3d& within);
+                       const Eigen::AlignedBox3d& within, GroundAir* ground);
+// The air over the ground at a frame. Makes what it has not made yet, in parallel loops.
+GroundAir::At ground_at(const Wind& wind, double frame, GroundAir* ground);
 
 // The wind at the past samples of jiggle, each made when it is first asked for; another thread that asks
 // for the same one waits. Any thread. `wind` must outlive it; what it gives lives as long as the PastWind
 // that gave it.
 class PastWind {
   public:
-    struct Key {                      // with the same Wind, unchanged: the same wind at a sample
-        double fps = 0.0, step = 0.0; // step: frames between samples
-        Eigen::AlignedBox3d within;   // m, world space: as in gusts_at()
+    struct Key {                             // with the same Wind, unchanged: the same wind at a sample
+        double fps = 0.0, step = 0.0;        // step: frames between samples
+        Eigen::AlignedBox3d within;          // m, world space: as in gusts_at()
+        std::shared_ptr<GroundAir> ground{}; // nullptr: none
     };
     // Samples first ... last. Shares what `earlier` (of an earlier frame, may be nullptr) has made, if its
     // key and its Wind are the same; the caller drops it when the values of the wind change.

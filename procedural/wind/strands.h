@@ -41,9 +41,13 @@ struct Strands {
     WideVector<Wide3d> root_normal;  // [blocks]: normal of the skin at the root, unit
     WideVector<VDouble> width;       // [blocks]: width of a strand, metres; the radius profile scales it
     WideVector<VFloat> wind_share;   // [blocks] if has_wind_share: factor of the envelope
-    // [blocks] where the wind has fields, else empty: unit, and response(speed), at the roots.
+    // [blocks] where the wind has fields or ground, else empty: unit, and response(speed), at the roots.
     WideVector<Wide3d> wind_direction;
     WideVector<VFloat> wind_response;
+    WideVector<VFloat> wind_unsheltered; // the same without the ground's shelter, if rays find shelter, too
+    WideVector<VFloat> wind_speed;       // [blocks], m/s, likewise
+    WideVector<VFloat>
+        canopy; // [blocks * cvs] if strands stand in a canopy, else empty: share of the wind's speed
     WideVector<VDouble> u;     // [blocks * cvs] if irregular; else CV k is at k / (cvs - 1)
     WideVector<VFloat> radius; // [blocks * cvs] if irregular, metres
     WideVector<Wide3d> points; // [cvs] scratch
@@ -54,7 +58,8 @@ struct Strands {
                 values.capacity()) *
                    sizeof(Wide3f) +
                (envelope.capacity() + shield.capacity() + gust.capacity() + wind_share.capacity() +
-                radius.capacity() + wind_response.capacity()) *
+                radius.capacity() + wind_response.capacity() + wind_unsheltered.capacity() +
+                wind_speed.capacity() + canopy.capacity()) *
                    sizeof(VFloat) +
                (noise_origin.capacity() + root_normal.capacity() + points.capacity() +
                 wind_direction.capacity()) *
@@ -64,6 +69,7 @@ struct Strands {
 
     // Copies what expansion fills.
     void copy_rest(const Strands& other) {
+        canopy.clear();
         rest = other.rest;
         rest_normal = other.rest_normal;
         noise_origin = other.noise_origin;

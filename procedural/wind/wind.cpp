@@ -28,6 +28,14 @@ constexpr std::array own_params = {
         "record", "none", "time|speed|direction",
         "CSV of a measured wind in place of speed and direction: columns time (h), speed (m/s), direction "
         "(deg from north, -z, from which); needs record_frames"),
+    param::mesh("over", "none", "",
+                "a mesh, such as a terrain, that the air flows over: faster over crests, calm in the lee"),
+    param::number(
+        "over_height", "m", "0", 0, 1e4,
+        "height above that mesh at which speed is meant, as by a weather station: slower below, by the "
+        "logarithmic law; 0: it is that at the strands"),
+    param::number("over_roughness", "m", "0.001", 1e-6, 100,
+                  "roughness length of that mesh, for over_height"),
     param::range("record_frames", "frames", "none", -1e6, 1e6, "frames of the record's first and last row"),
     param::keyable(
         param::number("global_rotate", "", "0.6", 0, 1, "scale of each segment's turn towards the wind")),
@@ -60,6 +68,19 @@ constexpr std::array own_params = {
 
 NoiseType noise_type(std::string_view name) {
     return name == "billow" ? NoiseType::billow : name == "wavelet" ? NoiseType::wavelet : NoiseType::perlin;
+}
+
+std::optional<Over> read_over(const Values& values) {
+    if (values.has("wind.over"))
+        return Over{std::string(values.text("wind.over")),
+                    values.at("wind.over").place,
+                    {values.number("wind.over_height"), values.number("wind.over_roughness")}};
+    for (const char* name : {"wind.over_height", "wind.over_roughness"})
+        if (is_given(values, name))
+            throw SceneFault("wind.no_over", values.at(name).place,
+                             std::string(name) + " is given, and wind.over is not",
+                             "name the mesh that the wind blows over, or remove this");
+    return {};
 }
 
 } // namespace
@@ -145,6 +166,7 @@ Wind read_wind(const Values& values) {
                              "noise.loop has no length", "give two different frames");
     }
     wind.fields = read_fields(values);
+    wind.over = read_over(values);
     wind.shielding = read_shielding(values);
     wind.jiggle = read_jiggle(values);
     wind.collision = read_collision(values);
@@ -155,8 +177,9 @@ Wind read_wind(const Values& values) {
 double wind_response(const Wind& wind) { return std::clamp(wind.response(wind.speed), 0.0, 1.0); }
 
 double max_response(const Wind& wind) {
-    if (wind.fields.empty()) return wind_response(wind);
-    double fastest = wind.speed;
+    if (wind.fields.empty() && !wind.over) return wind_response(wind);
+    constexpr double over_crests = 2.0; // roughly: linear theory at slopes of 30 degrees
+    double fastest = wind.over ? over_crests * wind.speed : wind.speed;
     for (const PlacedField& field : wind.fields) fastest += max_added_speed(field);
     double most = std::max(wind.response(wind.speed), wind.response(fastest));
     for (const double knot : wind.response.positions())

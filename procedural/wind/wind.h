@@ -23,6 +23,12 @@ namespace marram {
 
 struct KeyedWind; // keyed_wind.h
 
+// A mesh whose shape makes the wind faster and slower (ground_air.h).
+struct Over {
+    std::string mesh, place; // place: in the scene, for messages
+    SpeedHeight speed;
+};
+
 struct Wind {
     Vec3d direction = Vec3d::UnitX(); // unit; points downwind
     double speed = 0.0;               // m/s
@@ -41,6 +47,7 @@ struct Wind {
     double loop_begin = 0.0, loop_end = 0.0; // frames
     // Optional stages, set if the scene uses them.
     std::vector<PlacedField> fields; // where the wind differs from place to place
+    std::optional<Over> over;        // the ground that it blows over
     std::optional<Shielding> shielding;
     std::optional<Jiggle> jiggle; // damped oscillation about the bent pose
     std::optional<Collision> collision;

@@ -99,12 +99,12 @@ void keyed_to_constant(benchmark::State& state, bool alone) {
         [&] { return alone ? constant.run_chain() : constant.run_next_frame(); });
 }
 
-// Nanoseconds of a field of the wind, a root on one thread.
-void field(benchmark::State& state, const Size& size) {
+// Nanoseconds a root, on one thread.
+void local(benchmark::State& state, const Size& size, double (Workload::*seconds_of_all)()) {
     Workload& work = workload(size);
     std::vector<double> seconds;
     for (auto _ : state) {
-        seconds.push_back(work.run_field());
+        seconds.push_back((work.*seconds_of_all)());
         state.SetIterationTime(std::max(seconds.back(), 1e-9));
     }
     state.counters["ns_a_root"] = 1e9 * median(seconds) / double(work.strands());
@@ -251,7 +251,8 @@ RATIO(jiggle_to_others, T, T)->Iterations(3);
 RATIO(jiggle_to_others, 100k, T100k)->Iterations(1);
 RATIO(keyed_to_constant, alone, true)->Iterations(15);
 RATIO(keyed_to_constant, sequence, false)->Iterations(64);
-RATIO(field, T0, T0)->Iterations(50);
+BENCHMARK_CAPTURE(local, field, T0, &Workload::run_field)->UseManualTime()->Iterations(50);
+BENCHMARK_CAPTURE(local, ground, T0, &Workload::run_ground)->UseManualTime()->Iterations(50);
 RATIO(chain_to_literal, T0, T0, 5.0);
 RATIO(chain_to_literal, T2, T2, 4.0);
 RATIO(chain_to_literal, D, D, 5.0);

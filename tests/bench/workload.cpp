@@ -337,12 +337,31 @@ double Workload::run_field() {
     const auto seconds = [&](const std::vector<FieldAt>& list) {
         return seconds_of([&] {
             for (Strands& patch : bent_)
-                local_wind(wind_.direction, wind_.speed, wind_.response, list, patch);
+                local_wind({wind_.direction, wind_.speed, wind_.response, list}, patch);
         });
     };
     seconds(none);
     const double without = seconds(none);
     return seconds(fields) - without;
+}
+
+double Workload::run_ground() {
+    HeightGrid hill{513, 513, 0.05, -12.8, -12.8, std::vector<float>(513 * 513)};
+    for (int j = 0; j < hill.nz; ++j)
+        for (int i = 0; i < hill.nx; ++i)
+            hill.heights[hill.index(i, j)] = float(std::exp(
+                -0.1 * (std::pow(hill.x0 + i * hill.cell, 2) + std::pow(hill.z0 + j * hill.cell, 2))));
+    GroundAir air(std::move(hill));
+    const GroundAir::At over = air.at(wind_.direction, false);
+    const auto seconds = [&](const GroundAir::At& ground) {
+        return seconds_of([&] {
+            for (Strands& patch : bent_)
+                local_wind({wind_.direction, wind_.speed, wind_.response, {}, ground}, patch);
+        });
+    };
+    seconds({});
+    const double without = seconds({});
+    return seconds(over) - without;
 }
 
 size_t Workload::strands() const { return roots_.size(); }

@@ -63,6 +63,7 @@ class Workload {
     // What a field of the wind costs: seconds of local_wind() for all roots, with a field around them less
     // without one, on one thread.
     double run_field();
+    double run_ground(); // the same with ground below all of them, without fields
     size_t strands() const;
     // Builds the tree over the colliders for exact collision.
     double make_tree();

@@ -4,6 +4,7 @@
 #include "procedural/abi/parallel.h"
 #include "procedural/strands/grown/covered_roots.h"
 #include "procedural/strands/grown/groom_bounds.h"
+#include "procedural/strands/grown/groom_canopy.h"
 #include "procedural/strands/grown/groom_instance.h"
 #include "procedural/strands/grown/groom_output.h"
 #include "procedural/strands/grown/groom_warnings.h"
@@ -63,6 +64,7 @@ ParsedGroom parse(const MarramHost& host, std::span<const MarramValue> list) {
 void GroomInstance::apply(ParsedGroom parsed) {
     groom = std::move(parsed.groom);
     automatic.cvs = groom.cvs == 0;
+    canopy.reset();
     take_wind(std::move(parsed.wind));
     roots_digest = parsed.roots_digest;
     values_digest = parsed.values_digest;
@@ -330,6 +332,7 @@ void place_strands(GroomInstance& instance) {
     warn_of_tiles(instance);
     build_guides(instance, cancelled);
     leave_out_covered_roots(instance, cancelled);
+    instance.canopy.reset();
     instance.placed = true;
     instance.mesh_may_differ = false;
     instance.placed_topology_digest = topology_digest(*instance.mesh);
@@ -371,6 +374,7 @@ void GroomInstance::lay_out() {
     }
     mesh_instances = find_mesh_instances(frame, *mesh);
     if (guides) groom.length = {0.0, guides->longest_child()};
+    find_canopy(*this);
 }
 
 PilotGroom GroomInstance::pilot_groom() const {
@@ -410,7 +414,8 @@ Eigen::AlignedBox3d GroomInstance::bounds() const { return bounds_at_rest(*this)
 ChainFrame GroomInstance::make_chain(PastWind* earlier) {
     return make_chain_frame({wind, groom.envelope, frame, mesh, radius_profile, groom.basis, past.window,
                              wind.collision ? bounds_of_strands(*this) : everywhere(),
-                             wind.gusts ? bounds_at_rest(*this) : everywhere(), &trees, earlier});
+                             wind.gusts ? bounds_at_rest(*this) : everywhere(), &trees, earlier, ground,
+                             canopy ? &*canopy : nullptr});
 }
 
 void GroomInstance::finish_frame() {
@@ -488,13 +493,18 @@ void GroomInstance::tessellate(uint32_t index, const MarramPatchBuffers& buffers
 void GroomInstance::report_own(const ReportSink& sink) const {
     if (automatic.cvs) sink("chosen.cvs", groom.cvs);
     sink("roots.covered", double(covered_roots));
+    if (canopy) {
+        sink("canopy.plant_area_index", canopy->mean_index());
+        sink("canopy.height", canopy->mean_height());
+    }
     sink("seconds.place_roots", begin_seconds.place);
 }
 
 // The candidates of placing are freed before the rest is allocated.
 StrandInstance::Bytes GroomInstance::bytes() const {
     return {roots.capacity() * sizeof(Root) + bind_positions.capacity() * 4 +
-                blends.capacity() * sizeof(GuideBlend) + (guides ? guides->bytes() : 0),
+                blends.capacity() * sizeof(GuideBlend) + (guides ? guides->bytes() : 0) +
+                (canopy ? canopy->bytes() : 0),
             0, placing_peak_bytes};
 }
 
@@ -526,6 +536,9 @@ std::span<const MarramReportEntry> GroomInstance::report_entries() {
         sum("instances.count", "count", "instances that strands grow on, each with the wind at its position"),
         sum("instances.shared_bytes", "bytes",
             "roots, guides and the mesh's past, kept once for all instances; CVs are each one's own"),
+        each("canopy.plant_area_index", "1",
+             "one-sided area of strands over the area of the ground they stand on"),
+        each("canopy.height", "m", "mean height of the stand"),
         each("chosen.cvs", "1", "CVs per strand"),
         each("chosen.shield_rays", "1", "rays per CV"),
         each("chosen.jiggle_step", "frames", "interval between samples of the past"),

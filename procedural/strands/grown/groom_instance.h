@@ -52,6 +52,7 @@ struct GroomInstance : StrandInstance {
     uint64_t covered_roots = 0;             // left out, see covered_roots.h
     std::vector<float> bind_normals;        // if there are guides and the mesh has normals
     GuideMotion guide_motion;
+    std::optional<Canopy> canopy; // of the strands, if groom.canopy
     bool placed = false;
     size_t placing_peak_bytes = 0;
 

@@ -30,6 +30,7 @@
 #include "core/math/digest.h"
 #include "core/math/udim.h"
 #include "procedural/abi/param.h"
+#include "procedural/wind/canopy.h"
 
 #include <algorithm>
 #include <array>
@@ -103,7 +104,13 @@ constexpr std::array groom_values = {
     param::choice("shape", "round", "round|ribbon|oriented-ribbon",
                   "tube; flat, facing the camera; or flat, with an orientation of its own"),
     param::keyable(param::ramp("envelope", "", "[[0, 1]]", -embree_limit, embree_limit,
-                "share of the wind from root to tip")),
+                               "share of the wind from root to tip")),
+    param::boolean(
+        "canopy", "false",
+        "the strands are a stand that slows its own wind: less at their roots and inside, more at its edge"),
+    param::number(
+        "canopy_attenuation", "", "none", 0, Canopy::most_attenuation,
+        "how much: the wind falls by exp(-this) from top to ground; default: from the area of the strands"),
     param::integer("seed", "", "0", 0, 2147483647, "seed of the groom"),
 };
 
@@ -537,6 +544,15 @@ Groom read_groom(const Values& values) {
         groom.factors[i] = read_factors(values, std::string(scaled[i].name) + "_by", images);
     groom.seed = static_cast<uint32_t>(values.integer("seed"));
     groom.clear_of_meshes = values.text("clear_of") == "meshes";
+    groom.canopy = values.boolean("canopy");
+    groom.canopy_place = values.at("canopy").place;
+    if (values.has("canopy_attenuation")) {
+        groom.canopy_attenuation = values.number("canopy_attenuation");
+        if (!groom.canopy)
+            throw SceneFault("groom.no_canopy", values.at("canopy_attenuation").place,
+                             "canopy_attenuation is given, and canopy is not true",
+                             "add canopy = true, or remove this");
+    }
     return groom;
 }
 

@@ -126,6 +126,9 @@ struct Groom {
     Ramp envelope;
     std::array<Factors, factor_count> factors; // of_wind scales the envelope
     uint32_t seed = 0;
+    bool canopy = false;                      // the stand slows its wind (wind/canopy.h)
+    std::optional<double> canopy_attenuation; // default: from its plants
+    std::string canopy_place;
     bool clear_of_meshes = true; // roots that colliding meshes cover are left out (covered_roots.h)
 };
 

@@ -352,7 +352,8 @@ ChainFrame ImportInstance::make_chain(PastWind* earlier) {
                              wind.collision ? bounds() : everywhere(),
                              everywhere(),
                              &trees,
-                             earlier});
+                             earlier,
+                             ground});
 }
 
 MarramOutput ImportInstance::output() {

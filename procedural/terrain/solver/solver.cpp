@@ -81,14 +81,6 @@ constexpr double max_owed = 1.25;
 constexpr double min_units =
     0x1p16; // of a step's greatest flux, for the flux at the border to be known by it
 
-int solver_padded(int size) { return Transform::good_size(size + std::max(size / 4, 8)); }
-
-// Blend weight over the padding: from 1 at the grid's end to 0 at its start.
-float solver_blend(int k, int count) {
-    const double t = double(k + 1) / (count + 1);
-    return float(1.0 - t * t * (3.0 - 2.0 * t));
-}
-
 int solver_lanes(int columns) { return (columns + lanes - 1) / lanes * lanes; }
 
 } // namespace
@@ -231,13 +223,13 @@ void DuneSolver::surface() {
              double(*std::min_element(least.begin(), least.end()));
 }
 
-// Surface plus bubbles, blended from border to border in the padding if not periodic.
+// Surface plus bubbles, padded if not periodic.
 void DuneSolver::envelope() {
     const bool periodic = settings_.border == DuneBorder::periodic;
     std::unique_ptr<Shear>& shear = shear_[transposed_ ? 1 : 0];
     if (!shear)
-        shear = std::make_unique<Shear>(periodic ? rows_ : solver_padded(rows_),
-                                        periodic ? columns_ : solver_padded(columns_), domain_.cell,
+        shear = std::make_unique<Shear>(periodic ? rows_ : padded_size(rows_),
+                                        periodic ? columns_ : padded_size(columns_), domain_.cell,
                                         settings_.shear_resolution);
     const int rows = shear->rows(), columns = shear->columns();
     const size_t wide = size_t(Shear::pitch(columns));
@@ -246,17 +238,8 @@ void DuneSolver::envelope() {
         float* const out = envelope_reach_.data() + size_t(r) * wide;
         const size_t at = size_t(r) * pitch();
         solver_add(air_height_.data() + at, excess_turn_.data() + at, solver_lanes(columns_), out);
-        const float first = out[0], last = out[columns_ - 1];
-        for (int c = columns_; c < columns; ++c)
-            out[c] = first + solver_blend(c - columns_, columns - columns_) * (last - first);
-        for (size_t c = size_t(columns); c < wide; ++c) out[c] = 0.0F;
     });
-    const float *const first = envelope_reach_.data(), *const last = first + size_t(rows_ - 1) * wide;
-    marram::parallel_for(rows_, std::max(rows, rows_), [&](int r) {
-        const float blend = solver_blend(r - rows_, rows - rows_);
-        float* const out = envelope_reach_.data() + size_t(r) * wide;
-        for (size_t c = 0; c < wide; ++c) out[c] = first[c] + blend * (last[c] - first[c]);
-    });
+    pad_surface(rows_, columns_, rows, columns, envelope_reach_.data());
 }
 
 void DuneSolver::set_plants() {

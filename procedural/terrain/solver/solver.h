@@ -2,8 +2,8 @@
 // The dune solver: sand moved by the wind, over years. See solver.cpp for the model.
 #pragma once
 
+#include "procedural/air/shear.h"
 #include "procedural/terrain/solver/avalanche.h"
-#include "procedural/terrain/solver/shear.h"
 #include "procedural/terrain/solver/transport.h"
 #include "procedural/terrain/solver/wake.h"
 #include "procedural/terrain/solver/winds.h"

@@ -2,8 +2,8 @@
 // Sand transport by wind: saturated flux and its relaxation. See transport.cpp for the model.
 #pragma once
 
+#include "procedural/air/separation.h"
 #include "procedural/terrain/fields.h"
-#include "procedural/terrain/solver/separation.h"
 
 #include <limits>
 

@@ -98,7 +98,7 @@ TEST(LocalWind, IsThatOfItsDefinition) {
         const Vec3d direction = random.vector(1.0).normalized();
         const double speed = round % 4 == 0 ? 0.0 : random(0.0, 10.0);
         Strands strands = strands_at(roots);
-        local_wind(direction, speed, response, fields_at(fields, 1.0), strands);
+        local_wind({direction, speed, response, fields_at(fields, 1.0)}, strands);
         for (size_t i = 0; i < roots.size(); ++i) {
             const Vec3d v = velocity_at(fields, speed * direction, roots[i]);
             const int lane = int(i % lanes);
@@ -128,7 +128,7 @@ TEST(LocalWind, IsSmoothInTheMiddleAndEndsAtTheSurface) {
     Vec3d before = Vec3d::Zero();
     for (int i = -12000; i <= 12000; ++i) {
         Strands strands = strands_at({Vec3d(i * 1e-4, 0, 0)});
-        local_wind(Vec3d::UnitZ(), 3.0, response, fields_at(fields, 1.0), strands);
+        local_wind({Vec3d::UnitZ(), 3.0, response, fields_at(fields, 1.0)}, strands);
         const Wide3d& w = strands.wind_direction[0];
         const Vec3d now(w.x[0], w.y[0], w.z[0]);
         ASSERT_TRUE(now.allFinite());
@@ -150,10 +150,10 @@ TEST(LocalWind, HasTheSameBitsInAnyPatch) {
     std::vector<Vec3d> roots;
     for (int i = 0; i < 64; ++i) roots.push_back(random.vector(2.0));
     Strands all = strands_at(roots);
-    local_wind(Vec3d::UnitX(), 4.0, response, fields_at(fields, 1.0), all);
+    local_wind({Vec3d::UnitX(), 4.0, response, fields_at(fields, 1.0)}, all);
     for (size_t i = 0; i < roots.size(); ++i) {
         Strands one = strands_at({roots[i]});
-        local_wind(Vec3d::UnitX(), 4.0, response, fields_at(fields, 1.0), one);
+        local_wind({Vec3d::UnitX(), 4.0, response, fields_at(fields, 1.0)}, one);
         const int lane = int(i % lanes);
         EXPECT_EQ(one.wind_response[0][0], all.wind_response[i / lanes][lane]);
         EXPECT_EQ(one.wind_direction[0].x[0], all.wind_direction[i / lanes].x[lane]);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Compares transforms with their definition, and the shear of single waves with the documented formula.
-#include "procedural/terrain/solver/shear.h"
+#include "procedural/air/shear.h"
 
 #include "core/math/hash.h"
 #include "core/math/vec.h"

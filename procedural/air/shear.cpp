@@ -33,7 +33,7 @@
 //
 // Error: floats; 1e-6 of the greatest stress. Linear theory holds for slopes up to about 20 degrees.
 // Cost: 1.5 complex transforms in two dimensions. Memory: 8 bytes a cell.
-#include "procedural/terrain/solver/shear.h"
+#include "procedural/air/shear.h"
 
 #include "core/math/vec.h"
 #include "procedural/abi/parallel.h"
@@ -161,6 +161,12 @@ MARRAM_HOT void shear_inverse(const Transform& transform, const WideComplex* alo
     }
 }
 
+// Weight of the border before the padding: from 1 at the grid's end to 0 at its start.
+float padding_blend(int k, int count) {
+    const double t = double(k + 1) / (count + 1);
+    return float(1.0 - t * t * (3.0 - 2.0 * t));
+}
+
 } // namespace
 
 Shear::Shear(int rows, int columns, double cell, double resolution)
@@ -223,6 +229,25 @@ void Shear::perturbation(const ShearCoefficients& coefficients, double wind_row,
     forward(surface);
     convolve(coefficients, wind_row, wind_column);
     inverse(keep_rows, keep_columns, along, across);
+}
+
+int padded_size(int size) { return Transform::good_size(size + std::max(size / 4, 8)); }
+
+void pad_surface(int rows, int columns, int padded_rows, int padded_columns, float* surface) {
+    const size_t pitch = size_t(Shear::pitch(padded_columns));
+    marram::parallel_for(0, rows, [&](int r) {
+        float* const out = surface + size_t(r) * pitch;
+        const float first = out[0], last = out[columns - 1];
+        for (int c = columns; c < padded_columns; ++c)
+            out[c] = first + padding_blend(c - columns, padded_columns - columns) * (last - first);
+        for (size_t c = size_t(padded_columns); c < pitch; ++c) out[c] = 0.0F;
+    });
+    const float *const first = surface, *const last = first + size_t(rows - 1) * pitch;
+    marram::parallel_for(rows, std::max(padded_rows, rows), [&](int r) {
+        const float blend = padding_blend(r - rows, padded_rows - rows);
+        float* const out = surface + size_t(r) * pitch;
+        for (size_t c = 0; c < pitch; ++c) out[c] = first[c] + blend * (last[c] - first[c]);
+    });
 }
 
 } // namespace marram

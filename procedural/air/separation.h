@@ -3,7 +3,7 @@
 #pragma once
 
 #include "core/math/simd.h"
-#include "procedural/terrain/solver/downwind_rays.h"
+#include "procedural/air/downwind_rays.h"
 
 namespace marram {
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "procedural/terrain/solver/downwind_rays.h"
+#include "procedural/air/downwind_rays.h"
 
 #include "core/math/vec.h"
 #include "procedural/abi/parallel.h"

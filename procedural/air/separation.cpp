@@ -34,7 +34,7 @@
 //
 // Cost: 3 ns a cell on one core; rays are independent. With convergence 4 to 10 ns more. Memory:
 // 4 bytes a cell, 8 with convergence (more for oblique winds over non-periodic ground).
-#include "procedural/terrain/solver/separation.h"
+#include "procedural/air/separation.h"
 
 #include "procedural/abi/parallel.h"
 

@@ -2,7 +2,7 @@
 // Shear stress of the wind over a smooth surface, by linear theory. See shear.cpp for the model.
 #pragma once
 
-#include "procedural/terrain/solver/transform.h"
+#include "procedural/air/transform.h"
 
 #include <memory>
 
@@ -48,5 +48,11 @@ class Shear {
     size_t blocks_; // of eight wave numbers
     WideVector<WideComplex> spectrum_, across_;
 };
+
+// Ground that is not periodic is padded to a size that transforms well, by at least a quarter.
+int padded_size(int size);
+// Fills the padding of a surface of `rows` by `columns` values with a pitch of Shear::pitch(padded_columns): it is
+// blended smoothly from border to border.
+void pad_surface(int rows, int columns, int padded_rows, int padded_columns, float* surface);
 
 } // namespace marram

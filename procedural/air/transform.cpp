@@ -13,7 +13,7 @@
 //
 // Error: about 1e-7 sqrt(log2 n) of the root mean square. Twiddles are computed in double.
 // Cost: 5 n log2 n operations in floats, eight columns at once: 0.5 ns a value and pass of radix 4 (AVX2).
-#include "procedural/terrain/solver/transform.h"
+#include "procedural/air/transform.h"
 
 #include "core/math/vec.h"
 

@@ -70,7 +70,7 @@ uint64_t digest_of_shape(const MarramMesh& mesh) {
 
 } // namespace
 
-GroundAir::GroundAir(HeightGrid ground) : ground_(std::move(ground)), slopes_(ground_.heights.size()) {
+GroundAir::GroundAir(HeightGrid ground) : ground_(std::move(ground)), shape_(ground_.heights.size()) {
     const HeightGrid& g = ground_;
     for (int j = 0; j < g.nz; ++j)
         for (int i = 0; i < g.nx; ++i) {
@@ -80,8 +80,9 @@ GroundAir::GroundAir(HeightGrid ground) : ground_(std::move(ground)), slopes_(gr
                 return float((double(g.heights[g.index(i1, j1)]) - double(g.heights[g.index(i0, j0)])) /
                              (steps * g.cell));
             };
-            slopes_[g.index(i, j)] = {slope(std::max(i - 1, 0), j, std::min(i + 1, g.nx - 1), j),
-                                      slope(i, std::max(j - 1, 0), i, std::min(j + 1, g.nz - 1))};
+            shape_[g.index(i, j)] =
+                Sample{g.heights[g.index(i, j)], slope(std::max(i - 1, 0), j, std::min(i + 1, g.nx - 1), j),
+                       slope(i, std::max(j - 1, 0), i, std::min(j + 1, g.nz - 1))};
         }
 }
 
@@ -120,10 +121,13 @@ std::shared_ptr<const GroundAir::Table> GroundAir::table(double angle) {
         for (int i = 0; i < ground_.nx; ++i) {
             const size_t at = turned ? size_t(i) * air.pitch + size_t(j) : size_t(j) * air.pitch + size_t(i);
             // Across is towards (-d_z, d_x) in rows along x, else to the other side.
-            (*made)[ground_.index(i, j)] = {air.along[at], turned ? air.across[at] : -air.across[at],
-                                            air.excess[at]};
+            (*made)[ground_.index(i, j)] =
+                Sample{air.along[at], turned ? air.across[at] : -air.across[at], air.excess[at]};
         }
     const std::lock_guard lock(mutex_);
+    constexpr size_t most_tables = 48; // those of a wind that turns are 24
+    if (tables_.size() >= most_tables)
+        std::erase_if(tables_, [](const auto& entry) { return entry.second.use_count() == 1; });
     return tables_.emplace(angle, made).first->second;
 }
 
@@ -149,7 +153,7 @@ GroundAir::At GroundAir::at(const Vec3d& direction, bool turns) {
 
 size_t GroundAir::bytes() const {
     const std::lock_guard lock(mutex_);
-    return ground_.heights.capacity() * sizeof(float) + slopes_.capacity() * sizeof(slopes_[0]) +
+    return ground_.heights.capacity() * sizeof(float) + shape_.capacity() * sizeof(Sample) +
            tables_.size() * ground_.heights.size() * sizeof(Table::value_type);
 }
 
@@ -163,31 +167,33 @@ struct GroundSample {
 
 // Bilinear, lane by lane: the loads dominate.
 GroundSample sample_ground(const GroundAir::At& at, const Wide3d& p) {
+    using Sample = GroundAir::Sample;
     const HeightGrid& g = at.air->ground();
-    const std::span<const std::array<float, 2>> slopes = at.air->slopes();
+    const Sample *const shape = at.air->shape().data(), *const first = at.first->data(),
+                        *const second = at.second->data();
+    const size_t right = g.nx > 1 ? 1 : 0, up = g.nz > 1 ? size_t(g.nx) : 0;
+    const double per_cell = 1.0 / g.cell;
+    const bool between = first != second;
     GroundSample out{};
     for (int lane = 0; lane < lanes; ++lane) {
-        const double x = (p.x[lane] - g.x0) / g.cell, z = (p.z[lane] - g.z0) / g.cell;
+        const double x = (p.x[lane] - g.x0) * per_cell, z = (p.z[lane] - g.z0) * per_cell;
         if (!(x >= 0.0 && z >= 0.0 && x <= g.nx - 1 && z <= g.nz - 1)) continue;
         out.inside[lane] = -1;
         const int i = std::min(int(x), std::max(g.nx - 2, 0)), j = std::min(int(z), std::max(g.nz - 2, 0));
-        const double u = x - i, v = z - j;
-        const int right = g.nx > 1 ? 1 : 0, up = g.nz > 1 ? 1 : 0;
-        const size_t corners[] = {g.index(i, j), g.index(i + right, j), g.index(i, j + up),
-                                  g.index(i + right, j + up)};
-        const double weights[] = {(1.0 - u) * (1.0 - v), u * (1.0 - v), (1.0 - u) * v, u * v};
-        double sums[6] = {};
-        for (int k = 0; k < 4; ++k) {
-            const size_t corner = corners[k];
-            const std::array<float, 3>&a = (*at.first)[corner], &b = (*at.second)[corner];
-            sums[0] += weights[k] * double(g.heights[corner]);
-            sums[1] += weights[k] * double(slopes[corner][0]);
-            sums[2] += weights[k] * double(slopes[corner][1]);
-            for (size_t c = 0; c < 3; ++c)
-                sums[3 + c] += weights[k] * (double(a[c]) + at.part * (double(b[c]) - double(a[c])));
-        }
-        out.height[lane] = sums[0], out.slope_x[lane] = sums[1], out.slope_z[lane] = sums[2];
-        out.along[lane] = sums[3], out.across[lane] = sums[4], out.excess[lane] = sums[5];
+        const auto u = float(x - i), v = float(z - j);
+        const size_t corner = g.index(i, j);
+        const auto mean = [&](const Sample* field) {
+            const Sample* const f = field + corner;
+            const Sample low = f[0] + u * (f[right] - f[0]), high = f[up] + u * (f[up + right] - f[up]);
+            return low + v * (high - low);
+        };
+        const Sample ground = mean(shape);
+        Sample air = mean(first);
+        if (between) air += float(at.part) * (mean(second) - air);
+        out.height[lane] = double(ground[0]), out.slope_x[lane] = double(ground[1]),
+        out.slope_z[lane] = double(ground[2]);
+        out.along[lane] = double(air[0]), out.across[lane] = double(air[1]),
+        out.excess[lane] = double(air[2]);
     }
     return out;
 }
@@ -196,10 +202,8 @@ GroundSample sample_ground(const GroundAir::At& at, const Wide3d& p) {
 
 Wide3d wind_over_ground(const GroundAir::At& at, const SpeedHeight& reference, const Wide3d& p,
                         const VDouble& above, const Vec3d& velocity) {
-    const Wide3d undisturbed = splat3(velocity.data());
     const GroundSample g = sample_ground(at, p);
-    if (!any(g.inside)) return undisturbed;
-    const VDouble z = vmax(p.y + above - g.height, 0.0);
+    const VDouble z = select(g.inside, vmax(p.y + above - g.height, 0.0), above);
     const VDouble stress_along = vmax(g.along + 1.0, 0.0);
     const VDouble stress = vsqrt(stress_along * stress_along + g.across * g.across);
     const VDouble scale = select(stress > 0.0, 1.0 / vsqrt(select(stress > 0.0, stress, 1.0)), 0.0);
@@ -209,7 +213,7 @@ Wide3d wind_over_ground(const GroundAir::At& at, const SpeedHeight& reference, c
     const VDouble joined = y * y * (3.0 - 2.0 * y);
     along = joined * along - (1.0 - joined) * return_flow;
     across = joined * across;
-    double level = std::hypot(velocity.x(), velocity.z());
+    const double level = std::hypot(velocity.x(), velocity.z());
     VDouble speed = splat(level);
     if (reference.height > 0.0)
         speed = vlog(z * (1.0 / reference.roughness) + 1.0) *
@@ -219,8 +223,10 @@ Wide3d wind_over_ground(const GroundAir::At& at, const SpeedHeight& reference, c
     const VDouble rise = vx * g.slope_x + vz * g.slope_z;
     const VDouble flat = vx * vx + vz * vz, whole = flat + rise * rise;
     const VDouble same_speed = select(whole > 0.0, vsqrt(flat / select(whole > 0.0, whole, 1.0)), 1.0);
+    const VDouble share = level > 0.0 ? speed * (1.0 / level) : splat(1.0);
+    const Wide3d outside{share * velocity.x(), splat(velocity.y()), share * velocity.z()};
     return select(g.inside, Wide3d{vx * same_speed, rise * same_speed + velocity.y(), vz * same_speed},
-                  undisturbed);
+                  outside);
 }
 
 } // namespace marram

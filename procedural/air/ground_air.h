@@ -2,10 +2,10 @@
 // The air over ground: faster over crests, slower before them, calm and returning in the lee.
 //
 // MODEL. What the dune solver uses for its sand (shear.cpp, separation.cpp), for strands. Ground h and the
-// streamlines over its bubbles make a surface; over that, the stress of a wind along d is tau_0 (d + tau'), tau'
-// from linear theory. Near the ground, in the inner layer, the wind is in the direction of the local stress and its
-// speed follows the logarithmic law of the local shear velocity sqrt(tau), so relative to the wind over level ground
-// it is, at all heights alike,
+// streamlines over its bubbles make a surface; over that, the stress of a wind along d is tau_0 (d + tau'),
+// tau' from linear theory. Near the ground, in the inner layer, the wind is in the direction of the local
+// stress and its speed follows the logarithmic law of the local shear velocity sqrt(tau), so relative to
+// the wind over level ground it is, at all heights alike,
 //
 //     f = (d + tau') / sqrt(|d + tau'|)          |f| = sqrt(|tau| / tau_0); 0 where the stress along d would be below 0
 //
@@ -13,27 +13,27 @@
 //
 //     f <- s f - (1 - s) return_flow d,          s = y^2 (3 - 2 y), y = min(z / e, 1);  s = 1 without a bubble
 //
-// so the air returns at the ground and joins the flow above at the streamline. The velocity of wind v (m/s, its
-// horizontal part v_h) at a point at height z is v_h f, turned parallel to the slope of the ground there without
-// change of speed, plus v's vertical part. With a reference height H above 0, v_h is meant at that height, and is
-// multiplied by ln(1 + z / z0) / ln(1 + H / z0), z0 the roughness of the ground.
+// so the air returns at the ground and joins the flow above at the streamline. The velocity of wind v (m/s,
+// its horizontal part v_h) at a point at height z is v_h f, turned parallel to the slope of the ground
+// there without change of speed, plus v's vertical part. With a reference height H above 0, v_h is meant at
+// that height, and is multiplied by ln(1 + z / z0) / ln(1 + H / z0), z0 the roughness of the ground.
 //
-// Outside the grid the wind is v. Heights beyond the inner layer, some tenth of the length of a hill, take the wind of
-// the ground too: there the speed-up is too high.
+// Outside the grid the wind is v, by the same logarithmic law at the point's own height above its root.
+// Heights beyond the inner layer, some tenth of the length of a hill, take the wind of the ground too:
+// there the speed-up is too high.
 //
-// A wind that turns in time uses directions 15 degrees apart, and between two of them the weighted mean of their tau'
-// and e; a steady one its own direction.
+// A wind that turns in time uses directions 15 degrees apart, and between two of them the weighted mean of
+// their tau' and e; a steady one its own direction.
 //
 // ERROR of tau' against the linear solution over a Gaussian ridge: ground_air_test.cpp prints it. COST: two
-// transforms a direction (about 0.1 us a sample), 12 bytes a sample and direction, 12 for the ground; at strands about
-// 20 ns a root (marram_bench, "ground").
+// transforms a direction (about 0.1 us a sample), 16 bytes a sample and direction, 20 for the ground; at
+// strands about 45 ns a root (marram_bench, "ground").
 #pragma once
 
 #include "core/math/simd.h"
 #include "core/math/vec.h"
 #include "procedural/air/height_grid.h"
 
-#include <array>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -42,30 +42,34 @@
 
 namespace marram {
 
-// Of the wind in a bubble, at the ground, relative to that over level ground. In a wind tunnel, the greatest behind
-// two-dimensional transverse dunes was 0.17 of the free stream (the mean is less).
+// Of the wind in a bubble, at the ground, relative to that over level ground. In a wind tunnel, the
+// greatest behind two-dimensional transverse dunes was 0.17 of the free stream (the mean is less).
 inline constexpr double return_flow = 0.15;
 
 class GroundAir {
   public:
     explicit GroundAir(HeightGrid ground);
-    // Of a mesh; empty ground if it has no area seen from above. Shared between callers as long as one keeps it.
+    // Of a mesh; empty ground if it has no area seen from above. Shared between callers as long as one
+    // keeps it.
     static std::shared_ptr<GroundAir> over(const MarramMesh& mesh);
 
     const HeightGrid& ground() const { return ground_; }
-    // Of the ground along x and z, per sample, by central differences.
-    std::span<const std::array<float, 2>> slopes() const { return slopes_; }
+    // Four floats, loaded and interpolated at once.
+    using Sample = float __attribute__((vector_size(16)));
+    // The height of the ground in metres, and its slopes along x and z by central differences.
+    std::span<const Sample> shape() const { return shape_; }
 
     // Air of one direction, per sample: tau' along and across the wind, towards (-d_z, d_x), and e in metres.
-    using Table = std::vector<std::array<float, 3>>;
+    using Table = std::vector<Sample>;
     struct At {                         // a time
         const GroundAir* air = nullptr; // nullptr: no ground
         std::shared_ptr<const Table> first, second;
         double part = 0.0;                // share of `second`
         Vec2d direction = Vec2d::UnitX(); // x and z, unit
     };
-    // `turns`: the wind turns in time. Vertical winds and empty ground: air is nullptr. Computes what it has not
-    // yet; call it before parallel work on strands. Thread-safe. The result lives as long as the GroundAir.
+    // `turns`: the wind turns in time. Vertical winds and empty ground: air is nullptr. Computes what it
+    // has not yet; call it before parallel work on strands. Thread-safe. The result lives as long as the
+    // GroundAir.
     At at(const Vec3d& direction, bool turns);
 
     size_t bytes() const;
@@ -74,18 +78,19 @@ class GroundAir {
     std::shared_ptr<const Table> table(double angle); // radians, from +x to +z
 
     HeightGrid ground_;
-    std::vector<std::array<float, 2>> slopes_;
+    std::vector<Sample> shape_;
     mutable std::mutex mutex_;                              // of tables_
     std::map<double, std::shared_ptr<const Table>> tables_; // by angle
 };
 
-// The reference height of a wind's speed and the roughness of the ground, metres; height 0: that of the strands.
+// The reference height of a wind's speed and the roughness of the ground, metres; height 0: that of the
+// strands.
 struct SpeedHeight {
     double height = 0.0, roughness = 1e-3;
 };
 
-// The wind at eight points that are `above` metres above the points p of the ground or a mesh on it; `velocity`: of
-// the wind over level ground.
+// The wind at eight points that are `above` metres above roots p on the ground or on a mesh above it;
+// `velocity`: of the wind over level ground.
 Wide3d wind_over_ground(const GroundAir::At& at, const SpeedHeight& reference, const Wide3d& p,
                         const VDouble& above, const Vec3d& velocity);
 

@@ -18,11 +18,11 @@ struct HeightGrid {
     size_t index(int i, int j) const { return size_t(j) * size_t(nx) + size_t(i); }
 };
 
-// The highest point of the mesh above each sample, at its first motion sample; where there is none, a smooth
-// continuation of what is around. A cell is as wide as the short sides of the mesh's triangles are in the mean, so
-// that the vertices of a terrain are its samples, but the grid has at least 256 samples along its longer side and at
-// most 2^20 in all; finer meshes are averaged. Empty if the mesh has no area seen from above, or has a coordinate that
-// is not finite. Cost: 50 ns a triangle.
+// The highest point of the mesh above each sample, at its first motion sample; where there is none, a
+// smooth continuation of what is around. A cell is as wide as the short sides of the mesh's triangles are
+// in the mean, so that the vertices of a terrain are its samples, but the grid has at least 256 samples
+// along its longer side and at most 2^20 in all; finer meshes are averaged. Empty if the mesh has no area
+// seen from above, or has a coordinate that is not finite. Cost: 50 ns a triangle.
 HeightGrid heights_from_above(const MarramMesh& mesh);
 
 } // namespace marram

@@ -51,8 +51,8 @@ class Shear {
 
 // Ground that is not periodic is padded to a size that transforms well, by at least a quarter.
 int padded_size(int size);
-// Fills the padding of a surface of `rows` by `columns` values with a pitch of Shear::pitch(padded_columns): it is
-// blended smoothly from border to border.
+// Fills the padding of a surface of `rows` by `columns` values with a pitch of
+// Shear::pitch(padded_columns): it is blended smoothly from border to border.
 void pad_surface(int rows, int columns, int padded_rows, int padded_columns, float* surface);
 
 } // namespace marram

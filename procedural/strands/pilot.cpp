@@ -76,6 +76,14 @@ double polygon_error(const WideVector<Wide3f>& coarse, const WideVector<Wide3f>&
     return percentile_99(distances);
 }
 
+void bend_as_groomed(const PilotGroom& pilot, double frame, Strands& strands) {
+    if (!pilot.groom.blade) return bend(pilot.wind, frame, pilot.frame.fps, strands);
+    Blade blade = *pilot.groom.blade;
+    resolve_blades(pilot.wind, strands.cvs, pilot.instance_scale * longest_strand(pilot.groom),
+                   pilot.frame.tolerance, blade);
+    bend_blades(pilot.wind, blade, frame, pilot.frame.fps, strands);
+}
+
 // strength: of the wind that reaches the strands, 0 to 1.
 void bend_sample(const PilotGroom& pilot, const RootSample& some, double frame, int cvs, Strands& strands,
                  double strength = 1.0) {
@@ -87,8 +95,9 @@ void bend_sample(const PilotGroom& pilot, const RootSample& some, double frame, 
         const double u = double(i % size_t(cvs)) / double(cvs - 1);
         strands.envelope[i] = splat_float(float(std::clamp(pilot.groom.envelope(u), 0.0, 1.0) * response));
     }
-    if (response > 0.0 && wind_bends(pilot.wind))
-        bend(pilot.wind, frame, pilot.frame.fps, strands);
+    const bool sags = pilot.groom.blade && pilot.groom.blade->sags;
+    if ((response > 0.0 && wind_bends(pilot.wind)) || sags)
+        bend_as_groomed(pilot, frame, strands);
     else
         std::copy(strands.rest.begin(), strands.rest.end(), strands.pose.begin());
 }
@@ -113,6 +122,7 @@ WideVector<Wide3f> jiggled(const JigglePilot& pilot, double time, double step, S
     for (const Wide3f& p : strands.rest)
         for (int lane = 0; lane < lanes; ++lane)
             input.rest.extend(Vec3d(double(p.x[lane]), double(p.y[lane]), double(p.z[lane])));
+    input.blade = pilot.blade;
     const ChainFrame chain = make_chain_frame(input);
     RestStrandSource rest_strands;
     rest_strands.at_time = [&](auto, Strands& out) { pilot.expand(wind, out); };
@@ -200,7 +210,8 @@ void measure_jiggle(const PilotGroom& pilot, std::span<const double> moments, in
                                        some.roots.size(),
                                        segments + 1,
                                        false,
-                                       lay_out};
+                                       lay_out,
+                                       pilot.groom.blade ? &*pilot.groom.blade : nullptr};
             Strands strands;
             strands.resize(int(some.roots.size()), segments + 1, false);
             return jiggled(swinging, time, default_jiggle_step, strands);
@@ -287,7 +298,8 @@ JigglePilot jiggle_pilot(const PilotGroom& pilot, double tolerance) {
                                                                                           Strands& out) {
                 expand(groom, wind, {bind, bind}, some->roots, out, some->guides());
                 scale_strands(out, scale);
-            }};
+            },
+            pilot.groom.blade ? &*pilot.groom.blade : nullptr};
 }
 
 std::vector<double> jiggle_moments(const Wind& wind, double frame) {

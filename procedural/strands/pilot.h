@@ -53,6 +53,7 @@ struct JigglePilot {
     int cvs;
     bool irregular;                                         // as Strands::irregular
     std::function<void(const Wind& wind, Strands&)> expand; // fills the rest strands
+    const Blade* blade = nullptr;
 };
 
 JigglePilot jiggle_pilot(const PilotGroom& pilot, double tolerance);

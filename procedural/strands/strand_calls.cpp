@@ -64,17 +64,20 @@ bool moving_meshes_matter(const Wind& wind, const MarramFrame& frame) {
     return false;
 }
 
-CollisionCounts report_chain(Workers& workers, const ReportSink& sink, size_t& scratch) {
+CollisionCounts report_chain(Workers& workers, const ReportSink& sink, size_t& scratch, uint64_t& unsolved) {
     StageClock sum;
     CollisionCounts counts;
+    unsolved = 0;
     scratch = 0;
     for (const Worker& worker : workers) {
         sum += worker.chain.clock;
         counts += worker.chain.counts;
+        unsolved += worker.chain.unsolved_blades;
         scratch += worker.strands.bytes() + worker.chain.past.bytes();
         for (const auto& pose : worker.chain.jiggled) scratch += pose.capacity() * sizeof(Wide3f);
     }
     for (const StageClock::Stage& stage : StageClock::stages()) sink(stage.path, sum.*stage.seconds);
+    if (unsolved > 0) sink("bend.unsolved", double(unsolved));
     sink("collision.contacts", double(counts.contacts));
     sink("collision.pushed_out", double(counts.pushed_out));
     sink("collision.unresolved", double(counts.unresolved));

@@ -50,7 +50,8 @@ bool moving_meshes_matter(const Wind& wind, const MarramFrame& frame);
 
 // Reports the times and counts of all threads. Returns the counts of collisions; `scratch`: memory of the
 // threads, bytes.
-CollisionCounts report_chain(Workers& workers, const ReportSink& sink, size_t& scratch);
+CollisionCounts report_chain(Workers& workers, const ReportSink& sink, size_t& scratch,
+                             uint64_t& unsolved_blades);
 
 // Warns of unresolved collisions and penetrations: how many, at which meshes, where, and what helps there.
 // place: "" or where the message points. skin: name of the mesh that strands grow on; "": none.

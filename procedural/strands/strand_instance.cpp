@@ -74,7 +74,14 @@ StrandInstance::KeptState StrandInstance::guide_state(size_t batch, const Strand
 }
 
 PastSettings StrandInstance::settings_of_past() const {
-    return {wind.jiggle->step, frame.fps, frame.bind_frame, min_cvs(), wind.noise.left_out};
+    const Blade* const bent = blade();
+    return {wind.jiggle->step,
+            frame.fps,
+            frame.bind_frame,
+            min_cvs(),
+            wind.noise.left_out,
+            bent ? bent->pieces : 0,
+            bent ? bent->tolerance : 0.0};
 }
 
 // States are kept from the second frame on: a frame that stays alone needs none.
@@ -256,7 +263,9 @@ std::string StrandInstance::summary() const { return wind_summary(wind, frame, g
 
 void StrandInstance::report(const ReportSink& sink) {
     size_t scratch = 0;
-    const CollisionCounts counts = report_chain(workers, sink, scratch);
+    uint64_t unsolved = 0;
+    const CollisionCounts counts = report_chain(workers, sink, scratch, unsolved);
+    warn_of_unsolved_blades(host, place(), unsolved);
     warn_of_collisions(host, place(), skin_name(), time_count > 1, counts);
     if (automatic.rays) sink("chosen.shield_rays", wind.shielding->rays);
     if (automatic.step && !past.window.empty()) sink("chosen.jiggle_step", wind.jiggle->step);

@@ -28,6 +28,8 @@ struct Automatic {
 struct PastSettings {
     double step = 0.0, fps = 0.0, bind_frame = 0.0;
     int cvs = 0, octaves_left_out = 0;
+    int blade_pieces = 0;
+    double blade_tolerance = 0.0;
     bool operator==(const PastSettings&) const = default;
 };
 
@@ -129,7 +131,8 @@ struct StrandInstance : Instance {
     virtual Eigen::AlignedBox3d bounds_without_meshes() const { return {}; } // of strands, if no mesh is lent
     virtual double longest() const = 0; // upper bound of strands on any instance, m
     virtual void choose_cvs() {} // by the frame's tolerance, if automatic.cvs; and what depends on the count
-    virtual int min_cvs() const = 0; // of a strand
+    virtual int min_cvs() const = 0;                       // of a strand
+    virtual const Blade* blade() const { return nullptr; } // that the strands bend as
     // Strands that are evaluated to choose the step of jiggle.
     virtual JigglePilot pilot(double tolerance) const = 0;
     virtual bool moves() const = 0;                         // rest strands, within the shutter

@@ -88,7 +88,7 @@ void warn_of_idle_wind(const MarramHost& host, const Values& given, const Wind& 
     } else if (wind.calm == 0.0 && !wind.gusts) {
         warn("wind.calm", "wind.calm is 0 and there are no gusts: the wind does nothing, whatever its speed",
              "leave wind.calm out, or add gusts");
-    } else if (wind.speed > speeds.back()) {
+    } else if (wind.speed > speeds.back() && !wind.bends_blades) {
         warn("wind.speed",
              fmt::format(
                  "wind.speed = {:g} m/s is beyond the end of wind.response: strands bend as at {:g} m/s",
@@ -133,13 +133,16 @@ std::string wind_summary(const Wind& wind, const MarramFrame& frame, const Eigen
     const double response = wind_response(wind);
     const Wind now = wind_at(wind, frame.frame);
     std::string text =
-        wind.keys
-            ? fmt::format(
-                  "wind: in frame {:g} towards {}, {:g} m/s, strength {:.3g} of 1 by response, {} keyed\n",
-                  frame.frame, direction_text(now.direction), now.speed, wind_response(now),
-                  fmt::join(keyed_names(wind), ", "))
-            : fmt::format("wind: towards {}, {:g} m/s, strength {:.3g} of 1 by response\n",
-                          direction_text(wind.direction), wind.speed, response);
+        wind.keys ? fmt::format("wind: in frame {:g} towards {}, {:g} m/s, {}, {} keyed\n", frame.frame,
+                                direction_text(now.direction), now.speed,
+                                wind.bends_blades
+                                    ? "bends blades"
+                                    : fmt::format("strength {:.3g} of 1 by response", wind_response(now)),
+                                fmt::join(keyed_names(wind), ", "))
+        : wind.bends_blades ? fmt::format("wind: towards {}, {:g} m/s, bends blades\n",
+                                          direction_text(wind.direction), wind.speed)
+                            : fmt::format("wind: towards {}, {:g} m/s, strength {:.3g} of 1 by response\n",
+                                          direction_text(wind.direction), wind.speed, response);
     text += wind.gusts       ? fmt::format("  between gusts: {:.3g} of that (calm)\n", now.calm)
             : now.calm < 1.0 ? fmt::format("  calm: {:.3g} of that\n", now.calm)
                              : "";
@@ -157,6 +160,29 @@ std::string wind_summary(const Wind& wind, const MarramFrame& frame, const Eigen
     add(wind.jiggle.has_value(), "jiggle");
     add(wind.collision.has_value(), "collision");
     return text + fmt::format("  stages: {}\n", stages.empty() ? "none, strands stay at rest" : stages);
+}
+
+void warn_of_heavy_blade(const MarramHost& host, const Blade& blade) {
+    constexpr double greenhill = 7.84; // of a uniform blade
+    const double number = weight_number(blade);
+    if (number > greenhill)
+        send(host, MARRAM_INFO, "blade.heavy", blade.place,
+             fmt::format("a blade of mean length cannot carry itself upright: mass g length^3 / stiffness is "
+                         "{:.3g}, above 7.84, so "
+                         "the least wind lays it down",
+                         number),
+             "raise its stiffness or lower its mass, unless it hangs");
+}
+
+void warn_of_unsolved_blades(const MarramHost& host, const std::string& place, uint64_t unsolved) {
+    if (unsolved > 0)
+        send(host, MARRAM_WARNING, "blade.unsolved", place,
+             fmt::format(
+                 "the poses of {} blades are not solved to the tolerance: they have the last pose reached",
+                 unsolved),
+             "raise blade.stiffness, or lower the wind: blades that point against it, or cannot carry "
+             "themselves, may have no "
+             "stable pose");
 }
 
 } // namespace marram

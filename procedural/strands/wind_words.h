@@ -5,6 +5,7 @@
 
 #include "core/plugin/marram_plugin.h"
 #include "procedural/abi/values.h"
+#include "procedural/wind/blade/blade.h"
 #include "procedural/wind/wind.h"
 
 #include <string>
@@ -23,5 +24,11 @@ void warn_of_untouching_gusts(const MarramHost& host, const Wind& wind, const Ma
 // Direction, speed, strength, gusts that touch the box of the strands in the shot, stages. Lines end with
 // '\n'.
 std::string wind_summary(const Wind& wind, const MarramFrame& frame, const Eigen::AlignedBox3d& strands);
+
+// Says so if a blade cannot carry itself upright; hair that hangs may be as heavy as it likes.
+void warn_of_heavy_blade(const MarramHost& host, const Blade& blade);
+
+// Warns of blades whose equations were not solved to the tolerance in the frame.
+void warn_of_unsolved_blades(const MarramHost& host, const std::string& place, uint64_t unsolved);
 
 } // namespace marram

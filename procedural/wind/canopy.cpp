@@ -3,21 +3,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <tuple>
 
 namespace marram {
 namespace {
 
 constexpr double leaf_drag = 0.2, friction_ratio = 0.3; // c_d, beta
 constexpr double attenuation_per_index = leaf_drag / (2.0 * friction_ratio * friction_ratio);
-constexpr int upwind_points = 8;
-
-// Distances in l at which the upwind mean is sampled: the middles of eight equal parts of the weight exp(-s).
-std::array<double, upwind_points> upwind_distances() {
-    std::array<double, upwind_points> distances{};
-    for (int k = 0; k < upwind_points; ++k) distances[size_t(k)] = -std::log(1.0 - (k + 0.5) / upwind_points);
-    return distances;
-}
-
 MARRAM_HOT void canopy_profile(const Wide3f* rest, const Wide3d& normal, const VDouble& attenuation,
                                const VDouble& per_height, int cvs, VFloat* out) {
     const Wide3d root = to_double(rest[0]);
@@ -30,7 +22,7 @@ MARRAM_HOT void canopy_profile(const Wide3f* rest, const Wide3d& normal, const V
 
 } // namespace
 
-// Cells are as wide as the stand is high, so that they hold many strands, but at least a 2048th of its extent.
+// Cells are as wide as the stand is high, so that they hold many strands, but at least a 512th of its extent.
 Canopy::Canopy(const std::vector<CanopyStrand>& strands, std::optional<double> attenuation)
     : attenuation_(attenuation) {
     if (strands.empty()) return;
@@ -44,7 +36,7 @@ Canopy::Canopy(const std::vector<CanopyStrand>& strands, std::optional<double> a
     }
     mean_height_ = area > 0.0 ? weighted_height / area : 0.0;
     const Vec2d extent = upper - lower;
-    constexpr double most_cells = 2048.0;
+    constexpr double most_cells = 512.0;
     cell_ = std::max(mean_height_, extent.maxCoeff() / most_cells);
     if (!(cell_ > 0.0)) return;
     // A border of two cells, in which P_0 falls to 0.
@@ -67,53 +59,96 @@ Canopy::Canopy(const std::vector<CanopyStrand>& strands, std::optional<double> a
         }
     }
     double squares = 0.0;
-    samples_.resize(sums.size());
-    for (size_t k = 0; k < sums.size(); ++k) {
-        const Sum& sum = sums[k];
-        samples_[k] = {float(sum.area / (cell_ * cell_)),
-                       float(sum.area > 0.0 ? sum.height / sum.area : mean_height_)};
+    for (const Sum& sum : sums) {
+        indices_.push_back(float(sum.area / (cell_ * cell_)));
+        heights_.push_back(float(sum.area > 0.0 ? sum.height / sum.area : mean_height_));
         squares += sum.area * sum.area;
     }
-    mean_index_ =
-        area > 0.0 ? squares / area / (cell_ * cell_) : 0.0; // of ground that bears plants: weighted by them
-    if (mean_index_ > 0.0) adjustment_ = 3.0 * mean_height_ / (leaf_drag * mean_index_);
+    mean_index_ = area > 0.0 ? squares / area / (cell_ * cell_) : 0.0; // weighted by what it bears
+    const double slowing = attenuation_ ? *attenuation_ / attenuation_per_index : mean_index_;
+    if (slowing > 0.0) adjustment_ = 3.0 * mean_height_ / (leaf_drag * slowing);
 }
 
-std::array<double, 2> Canopy::sample(double x, double z) const {
-    const double a = (x - x0_) / cell_, b = (z - z0_) / cell_;
-    if (!(a >= 0.0 && b >= 0.0 && a < nx_ - 1 && b < nz_ - 1)) return {0.0, mean_height_};
-    const int i = int(a), j = int(b);
-    const double u = a - i, v = b - j;
-    const auto* const first = samples_.data() + size_t(j) * size_t(nx_) + size_t(i);
-    const auto* const second = first + nx_;
-    std::array<double, 2> out{};
-    for (size_t c = 0; c < 2; ++c)
-        out[c] = (1.0 - v) * ((1.0 - u) * double(first[0][c]) + u * double(first[1][c])) +
-                 v * ((1.0 - u) * double(second[0][c]) + u * double(second[1][c]));
-    return out;
+size_t Canopy::bytes() const {
+    const std::lock_guard lock(mutex_);
+    return (indices_.capacity() + heights_.capacity() + known_.size() * indices_.size()) * sizeof(float);
 }
 
-Canopy::Stand Canopy::at(double x, double z, const Vec3d& direction) const {
-    static const std::array<double, upwind_points> distances = upwind_distances();
+// Rows run across the wind's main axis; the air at a sample was `shift` columns further in the row before.
+std::shared_ptr<const Canopy::Indices> Canopy::upwind_indices(const Vec3d& direction) const {
     const Vec2d level(direction.x(), direction.z());
-    const Vec2d step = level.norm() > 0.0 ? Vec2d(level.normalized() * adjustment_) : Vec2d(0.0, 0.0);
-    double index = 0.0;
-    for (const double s : distances) index += sample(x - step.x() * s, z - step.y() * s)[0] / upwind_points;
-    Stand stand;
-    stand.height = sample(x, z)[1];
+    const bool blows = level.norm() > 0.0;
+    const double angle = blows ? std::atan2(level.y(), level.x()) : infinity;
+    const std::lock_guard lock(mutex_);
+    if (const auto found = known_.find(angle); found != known_.end()) return found->second;
+    constexpr size_t most_directions = 64;
+    if (known_.size() >= most_directions) known_.clear(); // those in use live on
+    auto made = std::make_shared<Indices>(indices_);
+    if (blows) {
+        const Vec2d d = level.normalized();
+        const bool along_x = std::abs(d.x()) > std::abs(d.y());
+        const double major = along_x ? d.x() : d.y(), shift = (along_x ? d.y() : d.x()) / std::abs(major);
+        const int rows = along_x ? nx_ : nz_, columns = along_x ? nz_ : nx_, forward = major > 0.0 ? 1 : -1;
+        const auto at = [&](int row, int column) {
+            return along_x ? size_t(column) * size_t(nx_) + size_t(row)
+                           : size_t(row) * size_t(nx_) + size_t(column);
+        };
+        const double step = cell_ * std::hypot(1.0, shift) / adjustment_, left = std::exp(-step);
+        const double gained = -std::expm1(-step), slope = gained / step - left;
+        for (int n = 1; n < rows; ++n) {
+            const int row = forward > 0 ? n : rows - 1 - n;
+            for (int column = 0; column < columns; ++column) {
+                const double from = column - shift;
+                const int whole = int(std::floor(from));
+                const double part = from - whole;
+                const auto before = [&](const Indices& field) {
+                    const auto one = [&](int c) {
+                        return c < 0 || c >= columns ? 0.0 : double(field[at(row - forward, c)]);
+                    };
+                    return one(whole) + part * (one(whole + 1) - one(whole));
+                };
+                const double here = double(indices_[at(row, column)]), there = before(indices_);
+                (*made)[at(row, column)] =
+                    float(here * gained + (there - here) * slope + left * before(*made));
+            }
+        }
+    }
+    known_.emplace(angle, made);
+    return made;
+}
+
+Canopy::Stand Canopy::stand_at(double x, double z, const Indices& upwind) const {
+    Stand stand{0.0, mean_height_};
+    const double a = (x - x0_) / cell_, b = (z - z0_) / cell_;
+    if (indices_.empty() || !(a >= 0.0 && b >= 0.0 && a < nx_ - 1 && b < nz_ - 1)) return stand;
+    const int i = int(a), j = int(b);
+    const size_t first = size_t(j) * size_t(nx_) + size_t(i);
+    const auto mean = [&](const std::vector<float>& field) {
+        const auto row = [&](size_t at) {
+            return double(field[at]) + (a - i) * (double(field[at + 1]) - double(field[at]));
+        };
+        return row(first) + (b - j) * (row(first + size_t(nx_)) - row(first));
+    };
+    const double index = mean(upwind);
+    stand.height = mean(heights_);
     stand.attenuation = attenuation_
                             ? *attenuation_ * std::min(mean_index_ > 0.0 ? index / mean_index_ : 0.0, 1.0)
                             : std::min(attenuation_per_index * index, most_attenuation);
     return stand;
 }
 
+Canopy::Stand Canopy::at(double x, double z, const Vec3d& direction) const {
+    return stand_at(x, z, *upwind_indices(direction));
+}
+
 void Canopy::attenuate(const Vec3d& direction, Strands& strands) const {
+    const std::shared_ptr<const Indices> upwind = upwind_indices(direction);
     strands.canopy.resize(size_t(strands.blocks) * size_t(strands.cvs));
     for (int i = 0; i < strands.blocks; ++i) {
         const Wide3f* const rest = strands.rest.data() + size_t(i) * size_t(strands.cvs);
         VDouble attenuation{}, per_height{};
         for (int lane = 0; lane < lanes; ++lane) {
-            const Stand stand = at(double(rest[0].x[lane]), double(rest[0].z[lane]), direction);
+            const Stand stand = stand_at(double(rest[0].x[lane]), double(rest[0].z[lane]), *upwind);
             attenuation[lane] = stand.attenuation;
             per_height[lane] = stand.height > 0.0 ? 1.0 / stand.height : 0.0;
         }

@@ -38,6 +38,7 @@ ChainFrame make_chain_frame(const ChainInput& input) {
     const bool bends = frame.stage != MARRAM_REST && wind_bends(wind);
     if (bends) chain.ground = input.ground;
     if (bends) chain.canopy = input.canopy;
+    chain.blade = input.blade;
     chain.instants.resize(frame.time_count);
     for (uint32_t t = 0; t < frame.time_count; ++t) {
         ChainFrame::Instant& instant = chain.instants[t];
@@ -119,7 +120,8 @@ MARRAM_HOT void scale_envelope(const Ramp& own, Strands& strands) {
 }
 
 // strands.rest -> pose, from the wind at `frame` and the shelter in strands.shield.
-void bend_at(const ChainFrame& chain, const WindAt& at, double frame, Strands& strands, StageClock& clock) {
+void bend_at(const ChainFrame& chain, const WindAt& at, double frame, Strands& strands, StageClock& clock,
+             uint64_t& unsolved) {
     const Wind& wind = *at.wind;
     {
         const StageTimer timer(clock.gusts);
@@ -132,6 +134,7 @@ void bend_at(const ChainFrame& chain, const WindAt& at, double frame, Strands& s
         strands.wind_direction.clear();
         strands.wind_response.clear();
         strands.wind_unsheltered.clear();
+        strands.wind_speed.clear();
     } else {
         local_wind({wind.direction, wind.speed, wind.response, at.fields, at.ground,
                     wind.over ? wind.over->speed : SpeedHeight{}, wind.shielding.has_value()},
@@ -153,8 +156,12 @@ void bend_at(const ChainFrame& chain, const WindAt& at, double frame, Strands& s
         if (strands.canopy.empty() || turns) chain.canopy->attenuate(wind.direction, strands);
         scale_by_canopy(wind, strands);
     }
-    if (response > 0.0 && wind_bends(wind)) {
-        bend(wind, frame, chain.frame.fps, strands);
+    const bool sags = chain.blade && chain.blade->sags && !rests;
+    if ((response > 0.0 && wind_bends(wind)) || sags) {
+        if (chain.blade)
+            unsolved += bend_blades(wind, *chain.blade, frame, chain.frame.fps, strands);
+        else
+            bend(wind, frame, chain.frame.fps, strands);
     } else {
         std::copy(strands.rest.begin(), strands.rest.end(), strands.pose.begin());
         std::copy(strands.rest_normal.begin(), strands.rest_normal.end(), strands.pose_normal.begin());
@@ -190,7 +197,8 @@ void jiggle_patch(const ChainFrame& chain, const RestStrandSource& rest_strands,
     past.irregular = strands.irregular;
     past.resize(strands.count, strands.cvs, strands.oriented);
     std::copy(strands.shield.begin(), strands.shield.end(), past.shield.begin());
-    StageClock inner; // not reported: the past bends count as the cost of jiggle
+    uint64_t unsolved_before = 0; // not reported
+    StageClock inner;             // not reported: the past bends count as the cost of jiggle
     const StageTimer timer(scratch.clock.jiggle);
     JiggleState* state = kept ? kept : &scratch.state;
     if (!kept || (wind.shielding && !same_bits(state->shield, strands.shield))) {
@@ -213,7 +221,7 @@ void jiggle_patch(const ChainFrame& chain, const RestStrandSource& rest_strands,
         }
         laid_out = past_sample;
         bend_at(chain, chain.past_wind ? chain.past_wind->at(past_sample) : same_always,
-                jiggle.frame_of(past_sample), past, inner);
+                jiggle.frame_of(past_sample), past, inner, unsolved_before);
         std::swap(pose, past.pose);
     };
     for (size_t i = 0; i < times.size(); ++i) {
@@ -236,7 +244,7 @@ void run_chain(const ChainFrame& chain, uint32_t time, Strands& strands, ChainSc
     const ChainFrame::Instant& instant = chain.instants[time];
     shelter(chain, time, strands, scratch.clock);
     strands.canopy.clear();
-    bend_at(chain, instant.wind, chain.frame.times[time], strands, scratch.clock);
+    bend_at(chain, instant.wind, chain.frame.times[time], strands, scratch.clock, scratch.unsolved_blades);
     if (chain.frame.stage != MARRAM_FINAL) return;
     if (chain.window.count() > 0 && !scratch.jiggled[time].empty()) {
         const StageTimer timer(scratch.clock.jiggle);

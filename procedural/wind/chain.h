@@ -11,6 +11,7 @@
 #pragma once
 
 #include "core/math/clock.h"
+#include "procedural/wind/blade/blade.h"
 #include "procedural/wind/canopy.h"
 #include "procedural/wind/jiggle_filter.h"
 #include "procedural/wind/past_wind.h"
@@ -56,6 +57,7 @@ struct ChainFrame {
     std::shared_ptr<PastWind> past_wind; // nullptr: the same at all times
     std::shared_ptr<GroundAir> ground;   // of wind->over
     const Canopy* canopy = nullptr;      // that the strands stand in
+    const Blade* blade = nullptr;        // that they bend as, instead of as the talk's strands
 
     size_t gust_bytes() const;
 };
@@ -76,6 +78,7 @@ struct ChainInput {
     PastWind* past_wind = nullptr;       // of the previous frame; the new one takes over what it has made
     std::shared_ptr<GroundAir> ground{}; // of wind.over
     const Canopy* canopy = nullptr;
+    const Blade* blade = nullptr;
 };
 ChainFrame make_chain_frame(const ChainInput& input);
 
@@ -87,6 +90,7 @@ struct ChainScratch {
     JiggleState state, later;                // used if the caller keeps none; after the first motion sample
     std::vector<WideVector<Wide3f>> jiggled; // [motion sample]
     CollisionCounts counts;
+    uint64_t unsolved_blades = 0; // bent poses
     StageClock clock;
 };
 

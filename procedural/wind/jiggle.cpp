@@ -103,12 +103,18 @@ double window_radians(double damping, double share) {
 
 std::span<const MarramParam> jiggle_params() { return jiggle_values; }
 
-std::optional<Jiggle> read_jiggle(const Values& values) {
-    if (!values.has("wind.jiggle.frequency")) {
+std::optional<Jiggle> read_jiggle(const Values& values, std::optional<double> swing) {
+    const bool given = values.has("wind.jiggle.frequency");
+    std::string any_of_it;
+    for (const MarramParam& param : jiggle_values)
+        if (const std::string name = std::string("wind.") + param.name; values.has(name)) any_of_it = name;
+    if (given) any_of_it = "wind.jiggle.frequency";
+    const bool swings = swing && !any_of_it.empty();
+    if (!given && !swings) {
         refuse_without_frequency(values);
         return std::nullopt;
     }
-    if (values.number("wind.jiggle.frequency") == 0.0) { // a groom may switch it off
+    if (given && values.number("wind.jiggle.frequency") == 0.0) { // a groom may switch it off
         if (values.keyframes("wind.jiggle.frequency"))
             refuse(values, "wind.jiggle.frequency",
                    "jiggle.frequency is 0 at a key: strands would come loose",
@@ -116,8 +122,8 @@ std::optional<Jiggle> read_jiggle(const Values& values) {
         return std::nullopt;
     }
     Jiggle jiggle;
-    jiggle.place = values.at("wind.jiggle.frequency").place;
-    jiggle.frequency = values.number("wind.jiggle.frequency");
+    jiggle.place = values.at(any_of_it).place;
+    jiggle.frequency = given ? values.number("wind.jiggle.frequency") : *swing;
     const auto number_or = [&](const char* name, double initial) {
         return values.has(name) ? values.number(name) : initial;
     };

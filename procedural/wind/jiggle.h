@@ -51,7 +51,7 @@ struct Jiggle {
 std::span<const MarramParam> jiggle_params();
 
 // Reads values named "wind.jiggle.<name>"; empty if the scene gives no frequency. Throws SceneFault.
-std::optional<Jiggle> read_jiggle(const Values& values);
+std::optional<Jiggle> read_jiggle(const Values& values, std::optional<double> swing = {});
 
 // The steps of one run: from rest at sample `first`, by powers of two of samples to `epoch`, then one by one.
 struct JiggleRun {

@@ -264,6 +264,7 @@ Wind wind_at(const Wind& wind, double frame) {
         track.keys.at(frame, numbers);
         track.param->set(now, {track.element, numbers, track.ramp_interpolation});
     }
+    if (now.bends_blades) now.global_rotate = 1.0;
     return now;
 }
 

@@ -78,7 +78,13 @@ MARRAM_HOT void wind_of_blocks(const LocalWind& wind, std::span<const FieldAt> f
         };
         Wide3d v = undisturbed;
         if (wind.ground.air) {
-            const VDouble above = (to_double(rest[strands.cvs - 1]).y - p.y) * 0.5;
+            VDouble rise{}, reach{};
+            for (int k = 1; k < strands.cvs; ++k) {
+                const Wide3d way = to_double(rest[k]) - p;
+                rise = vmax(rise, way.y);
+                reach = vmax(reach, dot(way, way));
+            }
+            const VDouble above = vmax(rise * 0.5, vsqrt(reach) * 0.1);
             v = wind_over_ground(wind.ground, wind.reference, p, above, wind.speed * wind.direction);
         }
         v = with_fields(v);

@@ -14,9 +14,9 @@
 // as 1 / q outside, and smooth. A scale that differs between axes stretches where a field is, not the speeds.
 //
 // A strand takes the wind at its root: the direction of v is what it turns towards, and response(|v|) its
-// strength. Where wind.over names ground, v starts as the wind over it (ground_air.h), half way up the strand.
-// Noise and gusts are carried by the mean wind: carried by v, they would be sheared without end. Rays
-// for shelter go upwind of the mean wind.
+// strength. Where wind.over names ground, v starts as the wind over it (ground_air.h), half as high above
+// the root as the strand rises, or a tenth of its reach if that is more. Noise and gusts are carried by the
+// mean wind: carried by v, they would be sheared without end. Rays for shelter go upwind of the mean wind.
 //
 // ERROR: in double; the response is stored as a float, off by less than 1e-6 (local_wind_test.cpp). COST:
 // about 10 ns a root and field (marram_bench, "field"); a patch outside a field does not pay for it.
@@ -79,8 +79,8 @@ struct LocalWind {
     SpeedHeight reference{};
     bool shielded = false; // rays find shelter, too
 };
-// Sets strands.wind_direction, wind_speed and wind_response, from the roots of strands.rest; and, with `shielded` and
-// ground, strands.wind_unsheltered.
+// Sets strands.wind_direction, wind_speed and wind_response, from the roots of strands.rest; and, with
+// `shielded` and ground, strands.wind_unsheltered.
 void local_wind(const LocalWind& wind, Strands& strands);
 
 } // namespace marram

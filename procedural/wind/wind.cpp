@@ -36,6 +36,7 @@ constexpr std::array own_params = {
         "logarithmic law; 0: it is that at the strands"),
     param::number("over_roughness", "m", "0.001", 1e-6, 100,
                   "roughness length of that mesh, for over_height"),
+    param::number("air_density", "kg/m^3", "1.225", 0, 1e4, "of the air that bends blades"),
     param::range("record_frames", "frames", "none", -1e6, 1e6, "frames of the record's first and last row"),
     param::keyable(
         param::number("global_rotate", "", "0.6", 0, 1, "scale of each segment's turn towards the wind")),
@@ -71,10 +72,15 @@ NoiseType noise_type(std::string_view name) {
 }
 
 std::optional<Over> read_over(const Values& values) {
-    if (values.has("wind.over"))
+    if (values.has("wind.over")) {
+        if (is_given(values, "wind.over_roughness") && values.number("wind.over_height") == 0.0)
+            throw SceneFault("wind.no_over", values.at("wind.over_roughness").place,
+                             "wind.over_roughness has no effect without wind.over_height",
+                             "give the height at which speed is meant, or remove this");
         return Over{std::string(values.text("wind.over")),
                     values.at("wind.over").place,
                     {values.number("wind.over_height"), values.number("wind.over_roughness")}};
+    }
     for (const char* name : {"wind.over_height", "wind.over_roughness"})
         if (is_given(values, name))
             throw SceneFault("wind.no_over", values.at(name).place,
@@ -118,7 +124,13 @@ bool is_given(const Values& values, const std::string& name) {
     });
 }
 
-Wind read_wind(const Values& values) {
+void set_blade_wind(Wind& wind) {
+    wind.response = Ramp(std::array{0.0, 0.0, blade_response_speed, 1.0}, "linear");
+    wind.global_rotate = 1.0;
+    wind.bends_blades = true;
+}
+
+Wind read_wind(const Values& values, std::optional<double> blade_frequency) {
     Wind wind;
     const Vec3d direction = values.vec3("wind.direction");
     const double length = direction.stableNorm();
@@ -167,10 +179,13 @@ Wind read_wind(const Values& values) {
     }
     wind.fields = read_fields(values);
     wind.over = read_over(values);
+    wind.air_density = values.number("wind.air_density");
     wind.shielding = read_shielding(values);
-    wind.jiggle = read_jiggle(values);
+    wind.jiggle = read_jiggle(values, blade_frequency);
     wind.collision = read_collision(values);
+    if (blade_frequency) set_blade_wind(wind);
     read_keys(values, wind);
+    if (blade_frequency) wind.global_rotate = 1.0;
     return wind;
 }
 

@@ -48,6 +48,8 @@ struct Wind {
     // Optional stages, set if the scene uses them.
     std::vector<PlacedField> fields; // where the wind differs from place to place
     std::optional<Over> over;        // the ground that it blows over
+    double air_density = 1.225;      // kg/m^3
+    bool bends_blades = false;       // response is the speed (blade.h)
     std::optional<Shielding> shielding;
     std::optional<Jiggle> jiggle; // damped oscillation about the bent pose
     std::optional<Collision> collision;
@@ -65,8 +67,13 @@ void add_constant_wind(std::vector<MarramParam>& list);
 // False: a default. Defaults have the place of their table in common, or none.
 bool is_given(const Values& values, const std::string& name);
 
-// Throws SceneFault for errors that the range checks of single values cannot find.
-Wind read_wind(const Values& values);
+// Throws SceneFault for errors that the range checks of single values cannot find. `blade_frequency`,
+// Hz: the wind bends blades, which swing at it if jiggle is asked for without a frequency.
+Wind read_wind(const Values& values, std::optional<double> blade_frequency = {});
+
+// Makes it bend blades: its response is its speed, and nothing else scales its turn.
+void set_blade_wind(Wind& wind);
+inline constexpr double blade_response_speed = 1000.0; // m/s, at response 1
 
 // response(speed), clamped to [0, 1]: the envelope's factor for this wind speed.
 double wind_response(const Wind& wind);

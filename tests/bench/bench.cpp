@@ -99,6 +99,13 @@ void keyed_to_constant(benchmark::State& state, bool alone) {
         [&] { return alone ? constant.run_chain() : constant.run_next_frame(); });
 }
 
+// Blades at this Ca against the talk's bend, both with the same noise.
+void blade_to_bend(benchmark::State& state, double ca) {
+    Workload& work = workload(T0);
+    compare(
+        state, 1.5, [&] { return work.run_blades(ca); }, [&] { return work.run_bend(); });
+}
+
 // Nanoseconds a root, on one thread.
 void local(benchmark::State& state, const Size& size, double (Workload::*seconds_of_all)()) {
     Workload& work = workload(size);
@@ -251,6 +258,10 @@ RATIO(jiggle_to_others, T, T)->Iterations(3);
 RATIO(jiggle_to_others, 100k, T100k)->Iterations(1);
 RATIO(keyed_to_constant, alone, true)->Iterations(15);
 RATIO(keyed_to_constant, sequence, false)->Iterations(64);
+RATIO(blade_to_bend, Ca_tenth, 0.1)->Iterations(25);
+RATIO(blade_to_bend, Ca_1, 1.0)->Iterations(25);
+RATIO(blade_to_bend, Ca_10, 10.0)->Iterations(25);
+RATIO(blade_to_bend, Ca_100, 100.0)->Iterations(25);
 BENCHMARK_CAPTURE(local, field, T0, &Workload::run_field)->UseManualTime()->Iterations(50);
 BENCHMARK_CAPTURE(local, ground, T0, &Workload::run_ground)->UseManualTime()->Iterations(50);
 RATIO(chain_to_literal, T0, T0, 5.0);

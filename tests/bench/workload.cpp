@@ -3,6 +3,9 @@
 
 #include "core/math/nearest_point.h"
 #include "core/plugin/embree.h"
+#include "procedural/wind/bend.h"
+#include "procedural/wind/blade/blade.h"
+#include "procedural/wind/blade/elastica.h"
 #include "procedural/wind/keyed_wind.h"
 #include "procedural/wind/shield.h"
 
@@ -362,6 +365,33 @@ double Workload::run_ground() {
     seconds({});
     const double without = seconds({});
     return seconds(over) - without;
+}
+
+double Workload::run_bend() {
+    for (Strands& patch : bent_) std::ranges::fill(patch.envelope, splat_float(0.5F));
+    return seconds_of([&] {
+        for (Strands& patch : bent_) marram::bend(wind_, 24.0, 24.0, patch);
+    });
+}
+
+double Workload::run_blades(double ca) {
+    constexpr double speed = 5.0, length = 0.22; // m/s, m: the mean strand
+    Wind wind = wind_;
+    set_blade_wind(wind);
+    Blade blade;
+    const Ramp whole(std::vector<double>{0, 1}, "linear");
+    blade.flat = false;
+    blade.taper = blade.mass_taper = blade.width_profile = whole;
+    blade.width = 0.009;
+    blade.drag = 1.0;
+    blade.rigidity = 0.5 * blade.air_density * blade.width * speed * speed * length * length * length / ca;
+    blade.tolerance = 1e-3 * length;
+    blade.pieces = elastica_pieces(bent_.front().cvs, ca, 1e-3);
+    for (Strands& patch : bent_)
+        std::ranges::fill(patch.envelope, splat_float(float(speed / blade_response_speed)));
+    return seconds_of([&] {
+        for (Strands& patch : bent_) bend_blades(wind, blade, 24.0, 24.0, patch);
+    });
 }
 
 size_t Workload::strands() const { return roots_.size(); }

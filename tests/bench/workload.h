@@ -63,6 +63,10 @@ class Workload {
     // What a field of the wind costs: seconds of local_wind() for all roots, with a field around them less
     // without one, on one thread.
     double run_field();
+    // Seconds of the bend alone, on one thread, in a full wind: of the talk, and of blades at this Ca
+    // (elastica.cpp).
+    double run_bend();
+    double run_blades(double ca);
     double run_ground(); // the same with ground below all of them, without fields
     size_t strands() const;
     // Builds the tree over the colliders for exact collision.

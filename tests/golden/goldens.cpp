@@ -203,6 +203,7 @@ std::span<const Golden> goldens() {
         figure("gust_field", 24, {"procedural.near.density=30", "procedural.far.density=7"}),
         figure("whirl", 25, {"procedural.grass.density=60", "procedural.grass.width=0.035"}),
         figure("storm", 97, {"procedural.grass.density=90", "procedural.grass.width=0.028"}),
+        figure("wheat", 24, {"procedural.wheat.density=12", "procedural.wheat.width=0.05"}),
     };
     return all;
 }

@@ -45,11 +45,13 @@ ParsedGroom parse(const MarramHost& host, std::span<const MarramValue> list) {
     const Values given(list);
     ParsedGroom parsed;
     parsed.groom = read_groom(given);
-    parsed.wind = read_wind(given);
+    const std::optional<Blade>& blade = parsed.groom.blade;
+    parsed.wind = blade ? read_wind(given, natural_frequency(*blade, blade->mean_length)) : read_wind(given);
     if (parsed.wind.point_envelope) parsed.groom.envelope = *parsed.wind.point_envelope;
     warn_invisible_strands(host, given, parsed.groom);
     warn_of_ignored(host, given, parsed.groom);
     warn_of_idle_wind(host, given, parsed.wind);
+    if (blade) warn_of_heavy_blade(host, *blade);
     // "Those of the strand" needs a strand: with automatic CVs, one of 8 CVs.
     constexpr int segments_of_automatic_cvs = 7;
     if (parsed.groom.cvs == 0 && parsed.wind.reference_segments == 0)
@@ -396,6 +398,7 @@ void GroomInstance::choose_cvs() {
         groom.cvs = int(choice.value);
         if (!choice.enough) inexact.push_back("cvs = " + std::to_string(groom.cvs));
     }
+    if (groom.blade) resolve_blades(wind, groom.cvs, longest(), frame.tolerance, *groom.blade);
     radius_profile.clear();
     for (int k = 0; k < groom.cvs; ++k)
         radius_profile.push_back(float(0.5 * groom.width_profile(double(k) / double(groom.cvs - 1))));
@@ -415,7 +418,7 @@ ChainFrame GroomInstance::make_chain(PastWind* earlier) {
     return make_chain_frame({wind, groom.envelope, frame, mesh, radius_profile, groom.basis, past.window,
                              wind.collision ? bounds_of_strands(*this) : everywhere(),
                              wind.gusts ? bounds_at_rest(*this) : everywhere(), &trees, earlier, ground,
-                             canopy ? &*canopy : nullptr});
+                             canopy.get(), blade()});
 }
 
 void GroomInstance::finish_frame() {
@@ -536,6 +539,7 @@ std::span<const MarramReportEntry> GroomInstance::report_entries() {
         sum("instances.count", "count", "instances that strands grow on, each with the wind at its position"),
         sum("instances.shared_bytes", "bytes",
             "roots, guides and the mesh's past, kept once for all instances; CVs are each one's own"),
+        sum("bend.unsolved", "count", "poses of blades that are not solved to the tolerance"),
         each("canopy.plant_area_index", "1",
              "one-sided area of strands over the area of the ground they stand on"),
         each("canopy.height", "m", "mean height of the stand"),

@@ -43,9 +43,8 @@ void find_canopy(GroomInstance& instance) {
     if (instance.mesh_instances.size() > 1)
         refuse("a canopy is a stand on one mesh, and this one has instances",
                "remove canopy, or grow the strands on one mesh");
-    if (instance.mesh->time_count > 1)
-        refuse("a canopy is a stand on ground, and its mesh moves within the shutter",
-               "remove canopy, or keep the mesh still");
+    if (instance.mesh->time_count > 1 || instance.mesh->moves != 0)
+        refuse("a canopy is a stand on ground, and this mesh moves", "remove canopy, or keep the mesh still");
     const auto changes = [&](const Factors* factors) {
         return std::ranges::any_of(*factors, [](const Factor& factor) { return !factor.image; });
     };
@@ -67,7 +66,10 @@ void find_canopy(GroomInstance& instance) {
                strands, guided ? &*guided : nullptr);
         for (size_t i = 0; i < size; ++i) stand[first + i] = canopy_strand(strands, i, mean_width);
     });
-    instance.canopy.emplace(stand, groom.canopy_attenuation);
+    instance.canopy = std::make_shared<const Canopy>(stand, groom.canopy_attenuation);
+    if (count > 0 && !(instance.canopy->mean_index() > 0.0))
+        refuse("a canopy of strands without width or height does nothing",
+               "give them both, or remove canopy");
 }
 
 } // namespace marram

@@ -52,7 +52,7 @@ struct GroomInstance : StrandInstance {
     uint64_t covered_roots = 0;             // left out, see covered_roots.h
     std::vector<float> bind_normals;        // if there are guides and the mesh has normals
     GuideMotion guide_motion;
-    std::optional<Canopy> canopy; // of the strands, if groom.canopy
+    std::shared_ptr<const Canopy> canopy; // of the strands, if groom.canopy
     bool placed = false;
     size_t placing_peak_bytes = 0;
 
@@ -121,6 +121,7 @@ struct GroomInstance : StrandInstance {
     double longest() const override { return max_instance_scale(mesh_instances) * longest_strand(groom); }
     void choose_cvs() override;
     int min_cvs() const override { return groom.cvs; }
+    const Blade* blade() const override { return groom.blade ? &*groom.blade : nullptr; }
     JigglePilot pilot(double tolerance) const override;
     bool moves() const override { return mesh->time_count > 1 || instances_move(); }
     LongWork work() const override;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "procedural/strands/grown/groom_output.h"
 
+#include <algorithm>
 #include <array>
 
 namespace marram {
@@ -68,6 +69,9 @@ void write_attribute(const GroomInstance& instance, const GroomPatch& patch, con
                      uint32_t which, float* out) {
     const SkinPoses poses = instance.poses(0);
     const std::span<const Root> roots = patch.roots;
+    // Of blades: the speed at a CV over that of the wind.
+    const double strongest = instance.groom.blade ? wind_response(instance.wind) : 0.0;
+    const float scale = strongest > 0.0 ? float(1.0 / strongest) : 1.0F;
     const Eigen::Matrix3d linear = patch.mesh_instance.transform(0).linear();
     for (size_t i = 0; i < roots.size(); ++i) {
         const Vec3d weights = root_weights(instance.groom.seed, roots[i]);
@@ -87,7 +91,8 @@ void write_attribute(const GroomInstance& instance, const GroomPatch& patch, con
                                                                  : strands.shield;
             const VFloat* e = values.data() + (i / lanes) * size_t(strands.cvs);
             for (int k = 0; k < strands.cvs; ++k)
-                out[i * size_t(strands.cvs) + size_t(k)] = e[k][int(i % lanes)];
+                out[i * size_t(strands.cvs) + size_t(k)] =
+                    which == envelope ? std::min(e[k][int(i % lanes)] * scale, 1.0F) : e[k][int(i % lanes)];
         }
     }
 }

@@ -485,6 +485,7 @@ const std::vector<MarramParam>& groom_params() {
         std::vector<MarramParam> list(groom_values.begin(), groom_values.end());
         list.insert(list.end(), factor_params().begin(), factor_params().end());
         list.insert(list.end(), guide_params().begin(), guide_params().end());
+        list.insert(list.end(), blade_params().begin(), blade_params().end());
         return list;
     }();
     return params;
@@ -544,6 +545,9 @@ Groom read_groom(const Values& values) {
         groom.factors[i] = read_factors(values, std::string(scaled[i].name) + "_by", images);
     groom.seed = static_cast<uint32_t>(values.integer("seed"));
     groom.clear_of_meshes = values.text("clear_of") == "meshes";
+    const double mean_length = groom.guides ? 0.0 : 0.5 * (groom.length.x() + groom.length.y());
+    groom.blade =
+        read_blade(values, {groom.shape != MARRAM_ROUND, groom.width, mean_length, groom.width_profile});
     groom.canopy = values.boolean("canopy");
     groom.canopy_place = values.at("canopy").place;
     if (values.has("canopy_attenuation")) {

@@ -9,6 +9,7 @@
 #include "procedural/abi/values.h"
 #include "procedural/strands/grown/guides.h"
 #include "procedural/strands/surface.h"
+#include "procedural/wind/blade/blade.h"
 
 #include <array>
 #include <memory>
@@ -126,6 +127,7 @@ struct Groom {
     Ramp envelope;
     std::array<Factors, factor_count> factors; // of_wind scales the envelope
     uint32_t seed = 0;
+    std::optional<Blade> blade;               // else strands bend as the talk's
     bool canopy = false;                      // the stand slows its wind (wind/canopy.h)
     std::optional<double> canopy_attenuation; // default: from its plants
     std::string canopy_place;

@@ -74,10 +74,10 @@ void blow_guides(GroomInstance& instance) {
     const auto guided = instance.guided(0, 0);
     motion.wind = instance.wind;
     motion.wind.collision.reset();
-    const ChainFrame chain = make_chain_frame(
-        {motion.wind, instance.groom.envelope, instance.frame, instance.mesh, instance.radius_profile,
-         instance.groom.basis, instance.past.window, everywhere(), everywhere(), nullptr, nullptr,
-         instance.ground, instance.canopy ? &*instance.canopy : nullptr});
+    const ChainFrame chain =
+        make_chain_frame({motion.wind, instance.groom.envelope, instance.frame, instance.mesh,
+                          instance.radius_profile, instance.groom.basis, instance.past.window, everywhere(),
+                          everywhere(), nullptr, nullptr, instance.ground, instance.canopy.get()});
     const size_t size = set.count() * size_t(instance.groom.cvs);
     motion.blown.resize(instance.mesh_instances.size());
     for (size_t i = 0; i < instance.mesh_instances.size(); ++i)

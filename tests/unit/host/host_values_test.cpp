@@ -314,7 +314,7 @@ TEST(HostValues, ReadWhatAScenesLoaderReads) {
                 for (const ParamSpec& one : schema.params)
                     if (schema.type == type.calls.name && one.name == param.name) spec = one;
             const HostValues values = values_of(param, type);
-            for (int round = 0; round < 40; ++round) {
+            for (int round = 0; round < 80; ++round) {
                 const size_t kind = random() % (more.size() + 4);
                 std::string text = kind < more.size() ? more[kind] : param.initial;
                 for (size_t edits = random() % 3; edits > 0; --edits) {

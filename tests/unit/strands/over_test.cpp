@@ -163,6 +163,38 @@ TEST(WindOver, SlowsTheWindInAStand) {
     EXPECT_GT(edge, 1.1 * inside);
 }
 
+// A field that fades to nothing within the past that jiggle reads: another field, far away, changes nothing.
+TEST(WindOver, ForgetsFieldsThatHaveFaded) {
+    const auto scene = [](const std::string& other) {
+        return over_scene(
+            "noise = { amplitude = 0 }\nspeed = 4\nresponse = [[0, 0], [10, 0.3], [20, 1]]\n"
+            "jiggle = { frequency = 2, damping = 0.3, step = 0.5 }\n"
+            "field = [{ velocity = [6, 0, 0], weight = { keys = [[9, 1], [10, 0]], interpolation = "
+            "\"constant\" }, transform = { scale = 200 } }" +
+                other + "]\n",
+            "density = 1\nwidth = 0.05\ncanopy = true\ncanopy_attenuation = 4\n");
+    };
+    EXPECT_EQ(
+        vertices_in(scene(""), 12.0),
+        vertices_in(scene(", { velocity = [1, 0, 0], transform = { translate = [5000, 0, 0] } }"), 12.0));
+}
+
+// A strand that hangs below its root stands in the wind, too.
+TEST(WindOver, BlowsStrandsThatHang) {
+    const std::string hanging =
+        over_scene(steady + "over = \"dune\"\nover_height = 10\n", "density = 2\nwidth = 0.01\n");
+    const auto bent_over = [&](const std::string& text) {
+        std::string changed = text;
+        changed.replace(changed.find("arc = 5"), 7, "arc = 200");
+        return changed;
+    };
+    const Vertices rest = vertices_in(bent_over(over_scene("speed = 0\n"))),
+                   blown = vertices_in(bent_over(hanging));
+    size_t moved = 0;
+    for (size_t c = 0; c < rest.size() / 32; ++c) moved += blown[4 * (c * 8 + 6)] != rest[4 * (c * 8 + 6)];
+    EXPECT_EQ(moved, rest.size() / 32);
+}
+
 TEST(WindOver, SaysWhatIsWrong) {
     const auto problems = [](const std::string& text) -> std::string {
         try {
@@ -180,6 +212,9 @@ TEST(WindOver, SaysWhatIsWrong) {
         {over_scene(steady + "over = \"wall\"\n") + wall, "has no area seen from above"},
         {over_scene(steady + "over_height = 10\n"), "wind.over_height is given, and wind.over is not"},
         {over_scene(steady + "over = \"dune\"\nover_roughness = 0\n"), "wind.over_roughness"},
+        {over_scene(steady + "over = \"dune\"\nover_roughness = 0.1\n"),
+         "no effect without wind.over_height"},
+        {over_scene(steady, "density = 2\nwidth = 0\ncanopy = true\n"), "without width or height"},
         {over_scene(steady, "density = 2\nwidth = 0.01\ncanopy_attenuation = 3\n"),
          "canopy_attenuation is given, and canopy is not true"},
         {over_scene(steady, "density = 2\nwidth = 0.01\ncanopy = true\ncanopy_attenuation = 7\n"),

@@ -221,7 +221,8 @@ TEST(GroundAir, FollowsTheLogarithmicLaw) {
     const double share = std::log(1.0 + 0.4 / 0.01) / std::log(1.0 + 10.0 / 0.01);
     const Vec3d slow = wind_at_point(at, {0.0, 2.0, 0.0}, 0.4, wind, {10.0, 0.01});
     EXPECT_NEAR((slow - Vec3d(4.0 * share, 0.5, 4.0 * share)).norm(), 0.0, 1e-5);
-    EXPECT_EQ(wind_at_point(at, {1000.0, 0.0, 0.0}, 0.4, wind, {10.0, 0.01}), wind); // beyond the grid
+    EXPECT_EQ(wind_at_point(at, {1000.0, 0.0, 0.0}, 0.4, wind), wind); // beyond the grid
+    EXPECT_NEAR((wind_at_point(at, {1000.0, 0.0, 0.0}, 0.4, wind, {10.0, 0.01}) - slow).norm(), 0.0, 1e-5);
     EXPECT_EQ(air->at(Vec3d::UnitY(), false).air, nullptr);
 }
 

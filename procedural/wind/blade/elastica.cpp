@@ -1,0 +1,195 @@
+// SPDX-License-Identifier: Apache-2.0
+// The static pose of a blade: an inextensible rod that bends equally in all directions
+// and does not twist (Kirchhoff's rod; Antman, "Nonlinear Problems of Elasticity", ch. 8).
+// With t the tangent, s the arc length, F and M the force and moment of all loads beyond s, EI the rigidity,
+// u the wind and u_n its part normal to t,
+//
+//     F' = -q,   M' = -t x F,   F(L) = M(L) = 0,        q = 1/2 rho C_d w |u_n| u_n - weight y,
+//     curvature - curvature at rest = (M normal to t) / EI,    the rest's carried in the frame without twist.
+//
+// Its numbers are Ca = drag U^2 L^3 / EI and B = weight L^3 / EI (Luhar and Nepf, "Flow-induced
+// reconfiguration of buoyant and flexible aquatic vegetation", Limnology and Oceanography 2011). A straight
+// upright blade topples at B = 7.84. At large Ca it lies in the wind but for a boundary layer of L Ca^(-1/3).
+//
+// The chain: every segment of the rest is cut into equal straight pieces. Between them are hinges, each for
+// the halves of the two pieces it joins, length a before and b behind; at the root, for half a piece. A hinge
+// bends by the angle
+//
+//     2 tan(angle / 2) = (a + b) / EI (mean of M over the hinge, normal to t, mean over both sides)
+//     mean of M = M_i - (b - a) / 2 (t x F)_i + (a^2 - a b + b^2) / 6 t x q
+//
+// (a = l_(i-1)/2, b = l_i/2) and at a CV half before, half after the rest kink. Kink and bend together are a
+// rotation without twist: with T = tan(kink / 4), B = tan(bend / 2) as vectors in the plane of e1 and e2,
+//
+//     K^(1/2) B K^(1/2) = (vector 2 T + (1 + T^2) B - 2 (T B) T, scalar 1 - T^2 - 2 T B)
+//
+// as a quaternion, so that a frame is carried over a joint by a reflection and a division: no trigonometry.
+// The error is of second order in the pieces. Solved in elastica_newton.cpp in floats; only CVs are summed in
+// doubles.
+//
+// A segment of the pose has the length of the rest and points along the sum of its pieces. A bent segment's
+// chord is shorter than its arc; the polyline is not shortened. So its CVs lie up to curvature^2 l^2 / 24 of
+// the length beyond the points of the continuous blade: 0.2 % of the length for a bend of 90 degrees over 7
+// segments. Errors below are against the polyline that is built likewise from a blade of 32 pieces.
+//
+// Errors and cost with 8 CVs at tolerance 1e-3 L: 800 random blades for each row, curved at rest,
+// wind from anywhere, |B| up to 3 (tests/unit/wind/elastica_test.cpp); ns a CV and strand on one core of an
+// EPYC with AVX2, where bend() of bend.cpp takes 20, and 32 with an octave of noise:
+//
+//     Ca up to   pieces   99 %      worst     ns        with 1, 2, 4 pieces
+//     0.1        1        5e-5      7e-5      20        20, 37, 54
+//     1          2        1.3e-4    1.6e-4    47        27, 47, 64
+//     10         2        8e-4      1.4e-3    72        53, 72, 103
+//     100        4        1.0e-3    4e-3      140       75, 105, 140
+//     1000       8        7e-4      1.1e-3              101, 155, 227
+//     10000      8        5e-4      another branch
+//
+// At 1e-4 L, 16 pieces hold it up to Ca = 10^3. Against the oracle (tests/oracle/elastica.h) 8 pieces differ
+// by 1.7e-4 in 95 % and 3.5e-4 in 99 % of 300 blades, Ca up to 10^3.
+//
+// Unconverged, all in a wind that blows from the tip towards the root: none of 1600 blades up to Ca = 10^3,
+// up to 2 % at 10^4, 9 % at 3 10^4 and a third at 10^5. Equilibria there are often unstable, and several
+// exist.
+#include "procedural/wind/blade/elastica.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace marram {
+namespace {
+
+constexpr float elastica_max_load = 1e6f; // load length^3 / rigidity; beyond, rigidity is raised
+
+// Any two perpendiculars of a unit vector (Duff et al., "Building an Orthonormal Basis", JCGT 2017).
+MARRAM_INLINE ElasticaFrame elastica_frame(const Wide3f& t) {
+    const VFloat zero{}, one = splat_float(1.0f);
+    const VFloat sign = t.z < zero ? -one : one;
+    const VFloat a = -1.0f / (sign + t.z), b = t.x * t.y * a;
+    return {{1.0f + sign * t.x * t.x * a, sign * b, -sign * t.x}, {b, sign + t.y * t.y * a, -t.y}, t};
+}
+
+// The frame of the next segment, whose direction is t, and the kink between them.
+MARRAM_INLINE void elastica_kink(ElasticaFrame& f, const Wide3f& t, ElasticaSegment& s) {
+    const VFloat zero{}, one = splat_float(1.0f);
+    const VFloat x = dot(t, f.e1), y = dot(t, f.e2);
+    const VFloat cosine = vsqrt(vmax(0.5f + 0.5f * dot(t, f.t), zero)); // of half the angle
+    // Within 0.002 radians of a reversal the direction of the turn is that of e1.
+    const VInt back = cosine < 1e-3f;
+    const VFloat factor = 0.5f / (vmax(cosine, splat_float(1e-3f)) * (1.0f + cosine));
+    s.kink_x = back ? one : x * factor;
+    s.kink_y = back ? zero : y * factor;
+    const VFloat square = s.kink_x * s.kink_x + s.kink_y * s.kink_y;
+    const VFloat qx = s.kink_x + s.kink_x, qy = s.kink_y + s.kink_y, qz = 1.0f - square;
+    elastica_turn(f, qx, qy, qz, 2.0f / (qx * qx + qy * qy + qz * qz));
+}
+
+MARRAM_HOT void elastica_set_up(const ElasticaBlock& b, ElasticaSegment* segments, ElasticaLoads& loads) {
+    const int last = b.cvs - 1;
+    const VFloat zero{}, one = splat_float(1.0f);
+    VFloat length{}, stiffest{}, strongest{}, blown{}, speed2{};
+    Wide3f start{zero, one, zero};
+    for (int k = last - 1; k >= 0; --k) {
+        const Wide3f d = b.rest[k + 1] - b.rest[k];
+        const VFloat l = vsqrt(dot(d, d)), u2 = dot(b.wind[k], b.wind[k]);
+        segments[k].length = l;
+        length += l;
+        start = elastica_select(l > zero, d * elastica_ratio(one, l), start);
+        speed2 = vmax(speed2, u2);
+        blown = vmax(blown, b.drag[k] * u2);
+        strongest = vmax(strongest, b.drag[k] * u2 + elastica_abs(b.weight[k]));
+        stiffest = vmax(stiffest, b.rigidity[k]);
+    }
+    const VFloat volume = length * length * length;
+    loads.hangs = b.hangs;
+    loads.idle = ~(((b.hangs ? blown : strongest) > zero) & (volume > zero));
+    loads.length = length;
+    const VFloat softest = strongest * volume * (1.0f / elastica_max_load);
+    const VFloat unit = elastica_ratio(one, vmax(stiffest, softest)), load_unit = volume * unit;
+    const VFloat per_length = elastica_ratio(one, length), per_speed = elastica_ratio(one, vsqrt(speed2));
+    loads.number = strongest * load_unit;
+    ElasticaFrame f = elastica_frame(start);
+    for (int k = 0; k < last; ++k) {
+        ElasticaSegment& s = segments[k];
+        const Wide3f d = b.rest[k + 1] - b.rest[k];
+        elastica_kink(f, elastica_select(s.length > zero, d * elastica_ratio(one, s.length), f.t), s);
+        s.e1 = f.e1;
+        s.e2 = f.e2;
+        s.t = f.t;
+        s.length *= per_length;
+        s.rigidity = vmax(b.rigidity[k], softest) * unit;
+        s.drag = b.drag[k] * speed2 * load_unit;
+        s.weight = b.weight[k] * load_unit;
+        s.wind = b.wind[k] * per_speed;
+    }
+    segments[last].rigidity = vmax(b.rigidity[last], softest) * unit;
+}
+
+MARRAM_HOT void elastica_emit(const ElasticaBlock& b, const ElasticaChain& c, const VInt& idle) {
+    const VFloat zero{};
+    Wide3d position = to_double(b.rest[0]);
+    b.pose[0] = b.rest[0];
+    for (int k = 0; k < c.last; ++k) {
+        const ElasticaSegment& s = c.segments[k];
+        const ElasticaJoint* pieces = c.joints + k * c.pieces;
+        Wide3f direction = pieces[0].t;
+        for (int i = 1; i < c.pieces; ++i) direction = direction + pieces[i].t;
+        const VFloat square = dot(direction, direction);
+        const VInt sound = square > zero; // false for NaN
+        direction = elastica_select(sound, direction * (1.0f / vsqrt(square)), s.t);
+        Wide3d d = to_double(direction);
+        d = d * (1.5 - 0.5 * dot(d, d)); // a Newton step: unit to 1e-14
+        const Wide3d rest = to_double(b.rest[k + 1]) - to_double(b.rest[k]);
+        position = position + d * vsqrt(dot(rest, rest));
+        b.pose[k + 1] = elastica_select(idle, b.rest[k + 1], to_float(position));
+        if (!b.rest_normal) continue;
+        const ElasticaJoint& m = pieces[c.pieces / 2];
+        for (int n = k; n == k || n == c.last; n += c.last - k) {
+            const Wide3f& r = b.rest_normal[n];
+            Wide3f v = m.e1 * dot(s.e1, r) + m.e2 * dot(s.e2, r) + m.t * dot(s.t, r);
+            // From the middle piece's direction to the segment's.
+            const Wide3f both = m.t + direction;
+            const VFloat both2 = dot(both, both);
+            v = v - both * elastica_ratio(2.0f * dot(both, v), both2) + direction * (2.0f * dot(m.t, v));
+            b.pose_normal[n] = elastica_select(idle | ~sound, r, v);
+            if (k + 1 < c.last) break;
+        }
+    }
+}
+
+} // namespace
+
+int elastica_pieces(int cvs, double load, double tolerance) {
+    // The 99th percentile for one piece a segment and 8 CVs: linear, then the boundary layer's Ca^(1/3).
+    const double x = load / 7.0, l = 7.0 / (cvs - 1.0);
+    const double coarse = 3.2e-3 * std::min(1.3 * x, std::cbrt(x)) * l * l;
+    int pieces = 1;
+    while (pieces < 16 && coarse > tolerance * pieces * pieces) pieces *= 2;
+    return pieces;
+}
+
+unsigned elastica(const ElasticaBlock& block, ElasticaScratch& scratch) {
+    const int last = block.cvs - 1;
+    const bool refines = block.pieces > 1;
+    if (scratch.segments.size() < size_t(last) + 1) scratch.segments.resize(size_t(last) + 1);
+    if (scratch.coarse.size() < size_t(last)) scratch.coarse.resize(size_t(last));
+    const size_t fine_size = refines ? size_t(last) * size_t(block.pieces) : 0;
+    if (scratch.fine.size() < fine_size) scratch.fine.resize(fine_size);
+    const ElasticaSegment* segments = scratch.segments.data();
+    const ElasticaChain coarse{segments, scratch.coarse.data(), last, 1, 1.0f};
+    const ElasticaChain fine{segments, scratch.fine.data(), last, block.pieces, 1.0f / float(block.pieces)};
+    ElasticaLoads loads;
+    elastica_set_up(block, scratch.segments.data(), loads);
+    VInt done = loads.idle;
+    VFloat stop2;
+    for (int lane = 0; lane < lanes; ++lane)
+        stop2[lane] = float(std::clamp(0.3 * block.tolerance / double(loads.length[lane]) *
+                                           std::min(1.0, 10.0 / std::sqrt(double(loads.number[lane]))),
+                                       1e-6, 1e-2));
+    elastica_solve(coarse, refines ? fine : coarse, loads, stop2, done);
+    elastica_emit(block, refines ? fine : coarse, loads.idle);
+    unsigned unconverged = 0;
+    for (int lane = 0; lane < lanes; ++lane) unconverged |= done[lane] == 0 ? 1U << lane : 0U;
+    return unconverged;
+}
+
+} // namespace marram

@@ -7,14 +7,14 @@
 // stress and its speed follows the logarithmic law of the local shear velocity sqrt(tau), so relative to
 // the wind over level ground it is, at all heights alike,
 //
-//     f = (d + tau') / sqrt(|d + tau'|)          |f| = sqrt(|tau| / tau_0); 0 where the stress along d would be below 0
+//     f = (d + tau') / sqrt(|d + tau'|)          |f| = sqrt(|tau| / tau_0); the part of d + tau' along d is at least 0
 //
 // At height z above the ground, in a bubble whose streamline is e above it:
 //
 //     f <- s f - (1 - s) return_flow d,          s = y^2 (3 - 2 y), y = min(z / e, 1);  s = 1 without a bubble
 //
 // so the air returns at the ground and joins the flow above at the streamline. The velocity of wind v (m/s,
-// its horizontal part v_h) at a point at height z is v_h f, turned parallel to the slope of the ground
+// its horizontal part v_h, along d) at a point at height z is |v_h| f, turned parallel to the slope of the ground
 // there without change of speed, plus v's vertical part. With a reference height H above 0, v_h is meant at
 // that height, and is multiplied by ln(1 + z / z0) / ln(1 + H / z0), z0 the roughness of the ground.
 //
@@ -25,9 +25,9 @@
 // A wind that turns in time uses directions 15 degrees apart, and between two of them the weighted mean of
 // their tau' and e; a steady one its own direction.
 //
-// ERROR of tau' against the linear solution over a Gaussian ridge: ground_air_test.cpp prints it. COST: two
-// transforms a direction (about 0.1 us a sample), 16 bytes a sample and direction, 20 for the ground; at
-// strands about 45 ns a root (marram_bench, "ground").
+// ERROR of tau' against the linear solution over a Gaussian ridge: ground_air_test.cpp prints it. COST: the
+// transforms of shear.cpp once a direction, 16 bytes a sample and direction, 20 for the ground; at strands
+// about 45 ns a root (marram_bench, "ground").
 #pragma once
 
 #include "core/math/simd.h"
@@ -42,19 +42,19 @@
 
 namespace marram {
 
-// Of the wind in a bubble, at the ground, relative to that over level ground. In a wind tunnel, the
-// greatest behind two-dimensional transverse dunes was 0.17 of the free stream (the mean is less).
+// Speed of the air that returns at the ground of a bubble, over that of the wind over level ground. Chosen:
+// in a wind tunnel, the greatest behind two-dimensional transverse dunes was 0.17 of the free stream.
 inline constexpr double return_flow = 0.15;
 
 class GroundAir {
   public:
     explicit GroundAir(HeightGrid ground);
-    // Of a mesh; empty ground if it has no area seen from above. Shared between callers as long as one
-    // keeps it.
+    // Of a mesh; empty ground if it has no area seen from above. The same one for all callers, as long as one
+    // of them keeps it.
     static std::shared_ptr<GroundAir> over(const MarramMesh& mesh);
 
     const HeightGrid& ground() const { return ground_; }
-    // Four floats, loaded and interpolated at once.
+    // Four floats, loaded and interpolated at once; the last is not used.
     using Sample = float __attribute__((vector_size(16)));
     // The height of the ground in metres, and its slopes along x and z by central differences.
     std::span<const Sample> shape() const { return shape_; }
@@ -67,7 +67,7 @@ class GroundAir {
         double part = 0.0;                // share of `second`
         Vec2d direction = Vec2d::UnitX(); // x and z, unit
     };
-    // `turns`: the wind turns in time. Vertical winds and empty ground: air is nullptr. Computes what it
+    // `turns`: its direction changes in time. Vertical winds and empty ground: air is nullptr. Computes what it
     // has not yet; call it before parallel work on strands. Thread-safe. The result lives as long as the
     // GroundAir.
     At at(const Vec3d& direction, bool turns);
@@ -83,8 +83,8 @@ class GroundAir {
     std::map<double, std::shared_ptr<const Table>> tables_; // by angle
 };
 
-// The reference height of a wind's speed and the roughness of the ground, metres; height 0: that of the
-// strands.
+// The reference height of a wind's speed and the roughness of the ground, metres; height 0: no logarithmic
+// law, the speed is the same at all heights.
 struct SpeedHeight {
     double height = 0.0, roughness = 1e-3;
 };

@@ -178,7 +178,7 @@ void warn_of_unsolved_blades(const MarramHost& host, const std::string& place, u
     if (unsolved > 0)
         send(host, MARRAM_WARNING, "blade.unsolved", place,
              fmt::format(
-                 "the poses of {} blades are not solved to the tolerance: they have the last pose reached",
+                 "the poses of {} blades are not solved to the tolerance: they have the nearest pose found",
                  unsolved),
              "raise blade.stiffness, or lower the wind: blades that point against it, or cannot carry "
              "themselves, may have no "

@@ -23,13 +23,14 @@
 // bears plants. So a strand at the edge feels more wind than one inside, and what stands behind a gap feels
 // some of it.
 //
-// If the artist gives an attenuation a_m, it is that far inside, a = a_m P / P_m, at most a_m; and l is
+// If the artist gives an attenuation a_m, it is reached deep inside the stand: a = a_m P / P_m, at most a_m; and l is
 // that of plants that have it, 3 h_m / (2 beta^2 a_m).
 //
 // P_0 and the mean height of strands are on a grid over x and z, from the strands themselves, in cells as
-// wide as the stand is high. The integral is taken along the grid, row by row downwind, once for each
-// direction of the wind: exactly for a P_0 that is linear between samples. COST: 5 ns a cell and direction;
-// 40 ns a root, 5 ns a CV; no ray.
+// wide as the stand is high, at least a 512th of its extent. The integral is taken along the grid, row by row downwind, once for each
+// direction of the wind: for winds along an axis exactly, for a P_0 that is linear between samples; oblique ones
+// mix neighbouring columns. COST: a pass over the grid
+// for each direction, four samples of it a root, an exponential a CV; no ray.
 #pragma once
 
 #include "core/math/ramp.h"

@@ -239,7 +239,8 @@ MARRAM_HOT void blade_arc(const Wide3f* rest, int cvs, VDouble* arc) {
 void resolve_blades(const Wind& wind, int cvs, double longest, double tolerance, Blade& blade) {
     constexpr double default_share = 1e-3; // of the length
     const double speed = max_response(wind) * blade_response_speed * (1.0 + wind.noise_amplitude);
-    const double drag = 0.5 * blade.air_density * blade.drag * blade.width * speed * speed;
+    const double widest = blade.width * std::ranges::max(blade.width_profile.values());
+    const double drag = 0.5 * blade.air_density * blade.drag * widest * speed * speed;
     constexpr double near_buckling = 3.0; // what weight adds to errors there, measured
     const double load = (drag + near_buckling * blade.mass * gravity) * power(longest, 3) / blade.rigidity;
     // A power of two, so that neighbouring frames have the same, and with it the past that jiggle keeps.

@@ -28,8 +28,7 @@
 //
 // The rigidity is one of: stiffness, EI; or modulus E, and EI = E width thickness^3 / 12, or E pi width^4 /
 // 64 if round; or frequency, the first natural frequency of a strand of the groom's mean length, from which
-// EI follows with the mass. If anything of jiggle is given but its frequency, it takes that frequency, so
-// that nothing is guessed twice.
+// EI follows with the mass. If anything of jiggle is given but its frequency, that is the blade's.
 //
 // Quasi-static: added mass, lift and the blade's own speed are left out (jiggle stands for inertia and
 // damping).
@@ -49,17 +48,18 @@ namespace marram {
 
 struct Blade {
     bool flat = true;
-    double width = 0.0;    // m: that of the groom
+    double width = 0.0;    // m: that of the groom, before width_profile
     double rigidity = 0.0; // N m^2, at the root of a strand of that width
     double mass = 0.0;     // kg / m, likewise
     double drag = 1.2;     // coefficient
     double air_density = 1.225;
-    Ramp taper, mass_taper, width_profile; // over u, relative to the root
+    Ramp taper, mass_taper; // of rigidity and mass over u, relative to the root
+    Ramp width_profile;     // over u, of the width
     bool sags = false;
     double mean_length = 0.0; // m
-    std::string place;
-    int pieces = 1;          // by resolve_blades(): parts of a segment that are solved for
-    double tolerance = 1e-3; // likewise, m
+    std::string place;        // in the scene, for messages
+    int pieces = 1;           // by resolve_blades(): parts of a segment that are solved for
+    double tolerance = 1e-3;  // likewise, m
 };
 
 // What a groom tells of its strands.
@@ -73,7 +73,7 @@ std::span<const MarramParam> blade_params();
 // Empty unless bend = "blade". Throws SceneFault.
 std::optional<Blade> read_blade(const Values& values, const BladeShape& shape);
 
-// First natural frequency of a strand of this length, Hz: a cantilever that swings in still air. To 1e-4.
+// First natural frequency of a strand of this length, Hz: a cantilever that swings in still air. To 1e-4 of that of a uniform beam.
 double natural_frequency(const Blade& blade, double length);
 
 // m g L^3 / EI of a strand of mean length: above 7.84 a uniform one cannot stand upright.
@@ -84,8 +84,8 @@ double weight_number(const Blade& blade);
 void resolve_blades(const Wind& wind, int cvs, double longest, double tolerance, Blade& blade);
 
 // strands.rest -> strands.pose. `wind`: one that bends blades, at the frame; strands.envelope: of it.
-// Returns the number of strands whose equations were not solved to the tolerance: they have the last pose
-// reached.
+// Returns the number of strands whose equations were not solved to the tolerance: they have the pose
+// whose next step was smallest.
 uint64_t bend_blades(const Wind& wind, const Blade& blade, double frame, double fps, Strands& strands);
 
 } // namespace marram

@@ -32,24 +32,24 @@
 // the length beyond the points of the continuous blade: 0.2 % of the length for a bend of 90 degrees over 7
 // segments. Errors below are against the polyline that is built likewise from a blade of 32 pieces.
 //
-// Errors and cost with 8 CVs at tolerance 1e-3 L: 800 random blades for each row, curved at rest,
-// wind from anywhere, |B| up to 3 (tests/unit/wind/elastica_test.cpp); ns a CV and strand on one core of an
-// EPYC with AVX2, where bend() of bend.cpp takes 20, and 32 with an octave of noise:
+// Errors with 8 CVs at tolerance 1e-3 L: 800 random blades for each row, curved at rest, wind from anywhere,
+// |B| up to 3 (tests/run -R Elastica.Errors -V):
 //
-//     Ca up to   pieces   99 %      worst     ns        with 1, 2, 4 pieces
-//     0.1        1        5e-5      7e-5      20        20, 37, 54
-//     1          2        1.3e-4    1.6e-4    47        27, 47, 64
-//     10         2        8e-4      1.4e-3    72        53, 72, 103
-//     100        4        1.0e-3    4e-3      140       75, 105, 140
-//     1000       8        7e-4      1.1e-3              101, 155, 227
+//     Ca up to   pieces   99 %      worst
+//     0.1        1        5e-5      7e-5
+//     1          2        1.3e-4    1.6e-4
+//     10         2        8e-4      1.4e-3
+//     100        4        1.0e-3    4e-3
+//     1000       8        7e-4      1.1e-3
 //     10000      8        5e-4      another branch
 //
-// At 1e-4 L, 16 pieces hold it up to Ca = 10^3. Against the oracle (tests/oracle/elastica.h) 8 pieces differ
-// by 1.7e-4 in 95 % and 3.5e-4 in 99 % of 300 blades, Ca up to 10^3.
+// At 1e-4 L, 16 pieces hold it up to Ca = 100; at 10^3 it is 1.1e-4. Against the oracle 8 pieces differ by
+// 1.8e-4 in 95 % and 3.5e-4 in 99 % of 249 blades, Ca up to 10^3 (tests/run -R Elastica.Agrees -V).
 //
-// Unconverged, all in a wind that blows from the tip towards the root: none of 1600 blades up to Ca = 10^3,
-// up to 2 % at 10^4, 9 % at 3 10^4 and a third at 10^5. Equilibria there are often unstable, and several
-// exist.
+// Cost: grows with Ca and with the pieces; marram_bench prints it beside the talk's bend ("blade").
+//
+// All blades of that test converge up to Ca = 10^3. Beyond, some in a wind that blows from the tip towards the
+// root do not: equilibria there are often unstable, and several exist.
 #include "procedural/wind/blade/elastica.h"
 
 #include <algorithm>

@@ -2,7 +2,7 @@
 // Strands that bend as elastic blades: their natural frequency, and how they stand in the wind through the renderer's
 // host. elastica_test.cpp has the equations themselves.
 #include "procedural/wind/blade/blade.h"
-#include "tests/unit/world/build_scene.h"
+#include "tests/unit/strands/strand_poses.h"
 
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
@@ -16,25 +16,12 @@
 namespace marram::testing {
 namespace {
 
-using Pose = std::vector<float>;
-
 std::string blade_scene(const std::string& wind, const std::string& blade, const std::string& strands = "") {
     return "\n[wind]\nnoise = { amplitude = 0 }\n" + wind + mesh("ground", "plane", "size = [4, 4]\n") +
            "[[procedural]]\ntype = \"groom\"\nname = \"grass\"\non = \"ground\"\ncount = 200\nlength = "
            "0.5\nwidth = 0.005\n"
            "shape = \"ribbon\"\nlean = 5\narc = 10\nwidth_profile = [[0, 1]]\nwidth_variation = 0\n" +
            (strands.empty() ? "cvs = 8\n" : strands) + blade;
-}
-
-Pose blade_pose(TestScene& scene, double frame = 1.0) {
-    scene.settings.frame = frame;
-    const World world = scene.build();
-    const CurveGeometry& curves = world.curves.front();
-    return {curves.vertices[0], curves.vertices[0] + 4 * curves.curve_count * (curves.cvs_per_curve + 2)};
-}
-Pose blade_pose_in(const std::string& text, double frame = 1.0) {
-    TestScene scene(text);
-    return blade_pose(scene, frame);
 }
 
 // Mean way of the tips along x, in lengths.
@@ -44,12 +31,6 @@ double mean_lean(const Pose& pose, const Pose& rest, size_t cvs = 8) {
     for (size_t c = 0; c < strands; ++c)
         sum += double(pose[4 * (c * (cvs + 2) + cvs)]) - double(rest[4 * (c * (cvs + 2) + cvs)]);
     return sum / double(strands) / 0.5;
-}
-
-double largest_move(const Pose& a, const Pose& b) {
-    double most = 0.0;
-    for (size_t i = 0; i < a.size(); ++i) most = std::max(most, std::abs(double(a[i]) - double(b[i])));
-    return most;
 }
 
 const std::string stiff = "bend = \"blade\"\nblade = { stiffness = 2e-4, mass = 0.0008 }\n";
@@ -73,22 +54,22 @@ TEST(Blade, HasTheFrequencyOfACantilever) {
 }
 
 TEST(Blade, StandsAsGroomedInStillAir) {
-    const Pose rest = blade_pose_in(blade_scene("speed = 0\n", ""));
-    EXPECT_EQ(blade_pose_in(blade_scene("speed = 0\n", stiff)), rest);
-    EXPECT_EQ(blade_pose_in(blade_scene("speed = { keys = [[1, 0], [24, 9]] }\n", stiff)), rest);
+    const Pose rest = pose_of_scene(blade_scene("speed = 0\n", ""));
+    EXPECT_EQ(pose_of_scene(blade_scene("speed = 0\n", stiff)), rest);
+    EXPECT_EQ(pose_of_scene(blade_scene("speed = { keys = [[1, 0], [24, 9]] }\n", stiff)), rest);
     // Weight bends it further if it was groomed without.
-    const Pose sagged = blade_pose_in(blade_scene(
+    const Pose sagged = pose_of_scene(blade_scene(
         "speed = 0\n", "bend = \"blade\"\nblade = { stiffness = 2e-3, mass = 0.008, sags = true }\n"));
-    EXPECT_GT(largest_move(sagged, rest), 0.01);
+    EXPECT_GT(largest_difference(sagged, rest), 0.01);
 }
 
 // Drag grows with the square of the speed while a blade stands, and much less when it lies.
 TEST(Blade, LeansWithTheWindAndLiesDown) {
-    const Pose rest = blade_pose_in(blade_scene("speed = 0\n", ""));
+    const Pose rest = pose_of_scene(blade_scene("speed = 0\n", ""));
     std::vector<double> leans;
     for (const double speed : {0.1, 0.2, 1.0, 2.0, 4.0, 8.0, 16.0, 40.0})
         leans.push_back(
-            mean_lean(blade_pose_in(blade_scene("speed = " + std::to_string(speed) + "\n", stiff)), rest));
+            mean_lean(pose_of_scene(blade_scene("speed = " + std::to_string(speed) + "\n", stiff)), rest));
     std::printf("lean at 0.1 to 40 m/s, in lengths:");
     for (const double lean : leans) std::printf(" %.3f", lean);
     std::printf("\n");
@@ -97,14 +78,14 @@ TEST(Blade, LeansWithTheWindAndLiesDown) {
     EXPECT_LT(leans[7] - leans[6], 0.15);
     // More CVs show the same blade.
     const std::string wind = "speed = 6\n";
-    const Pose fine_rest = blade_pose_in(blade_scene("speed = 0\n", "", "cvs = 29\n"));
-    const double coarse = mean_lean(blade_pose_in(blade_scene(wind, stiff)), rest),
-                 fine = mean_lean(blade_pose_in(blade_scene(wind, stiff, "cvs = 29\n")), fine_rest, 29);
+    const Pose fine_rest = pose_of_scene(blade_scene("speed = 0\n", "", "cvs = 29\n"));
+    const double coarse = mean_lean(pose_of_scene(blade_scene(wind, stiff)), rest),
+                 fine = mean_lean(pose_of_scene(blade_scene(wind, stiff, "cvs = 29\n")), fine_rest, 29);
     EXPECT_NEAR(coarse, fine, 2e-3);
 }
 
 TEST(Blade, IsAsStiffAsItsFrequencySays) {
-    const Pose rest = blade_pose_in(blade_scene("speed = 0\n", ""));
+    const Pose rest = pose_of_scene(blade_scene("speed = 0\n", ""));
     Blade blade;
     blade.rigidity = 2e-4;
     blade.mass = 0.0008;
@@ -112,15 +93,15 @@ TEST(Blade, IsAsStiffAsItsFrequencySays) {
     const std::string by_frequency = "bend = \"blade\"\nblade = { mass = 0.0008, frequency = " +
                                      std::to_string(natural_frequency(blade, 0.5)) + " }\n";
     const std::string wind = "speed = 6\n";
-    EXPECT_LT(
-        largest_move(blade_pose_in(blade_scene(wind, by_frequency)), blade_pose_in(blade_scene(wind, stiff))),
-        1e-4);
+    EXPECT_LT(largest_difference(pose_of_scene(blade_scene(wind, by_frequency)),
+                                 pose_of_scene(blade_scene(wind, stiff))),
+              1e-4);
     // E w t^3 / 12 = 2e-4.
     const std::string by_modulus =
         "bend = \"blade\"\nblade = { mass = 0.0008, modulus = 1.92e9, thickness = 6.30e-4 }\n";
-    EXPECT_LT(
-        largest_move(blade_pose_in(blade_scene(wind, by_modulus)), blade_pose_in(blade_scene(wind, stiff))),
-        1e-2);
+    EXPECT_LT(largest_difference(pose_of_scene(blade_scene(wind, by_modulus)),
+                                 pose_of_scene(blade_scene(wind, stiff))),
+              1e-2);
 }
 
 // A strand half as wide by its profile is one half as wide; keys of the talk's dials have no effect.
@@ -132,17 +113,17 @@ TEST(Blade, IsMeasuredAtItsRoot) {
         text.replace(text.find("shape = \"ribbon\""), 16, "shape = \"round\"");
         text.replace(text.find("width = 0.005"), 13, profile.substr(0, profile.find('|')));
         text.replace(text.find("width_profile = [[0, 1]]"), 24, profile.substr(profile.find('|') + 1));
-        return blade_pose_in(text, 5.0);
+        return pose_of_scene(text, 5.0);
     };
     const Pose half = round(wind, "width = 0.005|width_profile = [[0, 0.5]]");
-    EXPECT_LT(largest_move(half, round(wind, "width = 0.0025|width_profile = [[0, 1]]")), 1e-4);
+    EXPECT_LT(largest_difference(half, round(wind, "width = 0.0025|width_profile = [[0, 1]]")), 1e-4);
     EXPECT_EQ(half,
               round(wind + "global_rotate = { keys = [[1, 0], [10, 1]] }\nresponse = [[0, 0], [100, 1]]\n",
                     "width = 0.005|width_profile = [[0, 0.5]]"));
     // The strongest of several speeds counts, whatever the response.
-    EXPECT_LT(largest_move(round("speed = 9\n", "width = 0.005|width_profile = [[0, 1]]"),
-                           round("speed = { keys = [[-90, 12], [-50, 30], [-20, 9]] }\n",
-                                 "width = 0.005|width_profile = [[0, 1]]")),
+    EXPECT_LT(largest_difference(round("speed = 9\n", "width = 0.005|width_profile = [[0, 1]]"),
+                                 round("speed = { keys = [[-90, 12], [-50, 30], [-20, 9]] }\n",
+                                       "width = 0.005|width_profile = [[0, 1]]")),
               2e-3);
 }
 
@@ -160,17 +141,8 @@ TEST(Blade, SwingsAtItsFrequencyAndKeepsFramesIndependent) {
     const std::string given = blade_scene(wind + "jiggle = { damping = 0.5, step = 0.5, frequency = " +
                                               std::to_string(natural_frequency(blade, 0.5)) + " }\n",
                                           stiffer);
-    EXPECT_LT(largest_move(blade_pose_in(swings, 20.0), blade_pose_in(given, 20.0)), 1e-4);
-    TestScene one_after_the_other(swings);
-    std::map<double, Pose> alone;
-    for (const double frame : {7.0, 20.25, 7.5, 12.0, 13.0, 7.0}) {
-        const Pose pose = blade_pose(one_after_the_other, frame);
-        if (!alone.contains(frame)) {
-            const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, 1);
-            alone[frame] = blade_pose_in(swings, frame);
-        }
-        EXPECT_EQ(pose, alone.at(frame)) << frame;
-    }
+    EXPECT_LT(largest_difference(pose_of_scene(swings, 20.0), pose_of_scene(given, 20.0)), 1e-4);
+    expect_independent_frames(swings, {7.0, 20.25, 7.5, 12.0, 13.0, 7.0}, blade_scene("speed = 5\n", stiff));
 }
 
 // A tolerance that differs from frame to frame, as where the camera moves: what jiggle keeps is not of another one.
@@ -180,7 +152,7 @@ TEST(Blade, KeepsNothingOfAnotherTolerance) {
         "bend = \"blade\"\nblade = { stiffness = 1e-3, mass = 0.0008 }\n");
     const auto at = [](TestScene& scene, double frame) {
         scene.settings.tolerance = frame < 12.0 ? 1e-3 : 1e-5;
-        return blade_pose(scene, frame);
+        return pose_of(scene, frame);
     };
     TestScene in_order(text), alone(text);
     for (const double frame : {10.0, 11.0}) at(in_order, frame);
@@ -188,15 +160,8 @@ TEST(Blade, KeepsNothingOfAnotherTolerance) {
 }
 
 TEST(Blade, SaysWhatIsWrong) {
-    const auto problems = [](const std::string& blade) -> std::string {
-        try {
-            TestScene scene(blade_scene("speed = 3\n", blade));
-            return scene.build_errors();
-        } catch (const InputError& error) {
-            std::string all;
-            for (const Problem& problem : error.problems) all += to_string(problem) + "\n";
-            return all;
-        }
+    const auto problems = [](const std::string& blade) {
+        return problems_of_scene(blade_scene("speed = 3\n", blade));
     };
     const std::pair<const char*, const char*> cases[] = {
         {"bend = \"blade\"\n", "0 are given: give one of blade.stiffness"},

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Strands in winds whose numbers have keys, through the renderer's host: what a key may change and what not, and
 // that frames stay independent of each other.
-#include "tests/unit/world/build_scene.h"
+#include "tests/unit/strands/strand_poses.h"
 
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
@@ -26,24 +26,7 @@ std::string scene_in(const std::string& wind) {
     return "\n[wind]\n" + wind + mesh("ball", "sphere") + groom("fur", "ball", "count = 300\ncvs = 6\n");
 }
 
-using Pose = std::vector<float>;
-
-Pose pose_of(TestScene& scene, double frame) {
-    scene.settings.frame = frame;
-    const World world = scene.build();
-    const CurveGeometry& curves = world.curves.front();
-    return {curves.vertices[0], curves.vertices[0] + 4 * curves.curve_count * (curves.cvs_per_curve + 2)};
-}
-Pose pose_in(const std::string& wind, double frame) {
-    TestScene scene(scene_in(wind));
-    return pose_of(scene, frame);
-}
-
-double largest_difference(const Pose& a, const Pose& b) {
-    double most = 0.0;
-    for (size_t i = 0; i < a.size(); ++i) most = std::max(most, std::abs(double(a[i]) - double(b[i])));
-    return most;
-}
+Pose pose_in(const std::string& wind, double frame) { return pose_of_scene(scene_in(wind), frame); }
 
 // What comes after a key must not reach back before it. (Jiggle looks two of its steps ahead.)
 TEST(KeyedWind, ChangesNoBitBeforeAKey) {
@@ -244,22 +227,8 @@ TEST(KeyedWind, KeepsFramesIndependent) {
         "shielding = { offset = 2, shield = { keys = [[1, 0], [30, 1]] } }\n"
         "jiggle = { frequency = { keys = [[1, 1], [20, 4]] }, damping = { keys = [[1, 0.3], [30, 0.8]] } }\n"
         "collision = { solver = \"exact\", offset_scale = { keys = [[1, 0.1], [30, 0.8]] } }\n";
-    const std::vector<double> frames = {7.0, 33.25, 7.5, 12.0, 13.0, 14.0, 40.0, 7.0, 13.0};
-    TestScene one_after_the_other(scene_in(given));
-    std::map<double, Pose> alone;
-    for (const double frame : frames) {
-        const Pose pose = pose_of(one_after_the_other, frame);
-        if (!alone.contains(frame)) {
-            const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, 1);
-            alone[frame] = pose_in(given, frame);
-        }
-        EXPECT_EQ(pose, alone.at(frame)) << frame;
-    }
-    // An update from and to a keyed wind.
-    TestScene updated(scene_in(everything + jiggles + "speed = 5\n"));
-    pose_of(updated, 13.0);
-    updated.update(scene_in(given));
-    EXPECT_EQ(pose_of(updated, 13.0), alone.at(13.0));
+    expect_independent_frames(scene_in(given), {7.0, 33.25, 7.5, 12.0, 13.0, 14.0, 40.0, 7.0, 13.0},
+                              scene_in(everything + jiggles + "speed = 5\n"));
 }
 
 // A measured wind is the same as keys; an entry from the opposite side turns the wind clockwise on the way.
@@ -299,16 +268,7 @@ TEST(KeyedWind, MayBeMeasured) {
 }
 
 TEST(KeyedWind, SaysWhatIsWrong) {
-    const auto problems = [](const std::string& wind) -> std::string {
-        try {
-            TestScene scene(scene_in(wind));
-            return scene.build_errors();
-        } catch (const InputError& error) {
-            std::string all;
-            for (const Problem& problem : error.problems) all += to_string(problem) + "\n";
-            return all;
-        }
-    };
+    const auto problems = [](const std::string& wind) { return problems_of_scene(scene_in(wind)); };
     const std::pair<const char*, const char*> cases[] = {
         {"speed = { keys = [] }", "wind.speed.keys is an empty list"},
         {"speed = { keys = [[1, 2], [1, 3]] }", "the frame of key 2 of wind.speed does not ascend"},

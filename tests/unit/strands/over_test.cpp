@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Grass in the air over a dune, and in a stand that slows its own wind, through the renderer's host.
-#include "tests/unit/world/build_scene.h"
+#include "tests/unit/strands/strand_poses.h"
 
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
@@ -14,8 +14,6 @@
 
 namespace marram::testing {
 namespace {
-
-using Vertices = std::vector<float>;
 
 // A dune across x: windward side to -x, slip face of 33 degrees to +x, its crest at x = 0.
 const std::string dune = R"(
@@ -45,19 +43,8 @@ std::string over_scene(const std::string& wind, const std::string& stand = "dens
            stand;
 }
 
-Vertices vertices_of(TestScene& scene, double frame) {
-    scene.settings.frame = frame;
-    const World world = scene.build();
-    const CurveGeometry& curves = world.curves.front();
-    return {curves.vertices[0], curves.vertices[0] + 4 * curves.curve_count * (curves.cvs_per_curve + 2)};
-}
-Vertices vertices_in(const std::string& text, double frame = 1.0) {
-    TestScene scene(text);
-    return vertices_of(scene, frame);
-}
-
 // Mean of the tips' way along x over the strands whose roots are at x in [low, high], as a share of their length.
-double lean(const Vertices& blown, const Vertices& rest, double low, double high, size_t cvs = 6) {
+double lean(const Pose& blown, const Pose& rest, double low, double high, size_t cvs = 6) {
     double sum = 0.0;
     size_t count = 0;
     for (size_t c = 0; c < rest.size() / 4 / (cvs + 2); ++c) {
@@ -75,8 +62,8 @@ const std::string steady =
     "speed = 6\nresponse = [[0, 0], [20, 1]]\nglobal_rotate = 0.8\nnoise = { amplitude = 0 }\n";
 
 TEST(WindOver, FlattensTheCrestAndLeavesTheLeeStanding) {
-    const Vertices rest = vertices_in(over_scene("speed = 0\n")), flat = vertices_in(over_scene(steady)),
-                   over = vertices_in(over_scene(steady + "over = \"dune\"\n"));
+    const Pose rest = pose_of_scene(over_scene("speed = 0\n")), flat = pose_of_scene(over_scene(steady)),
+               over = pose_of_scene(over_scene(steady + "over = \"dune\"\n"));
     const double level = lean(flat, rest, -45, -35), far_before = lean(over, rest, -45, -35),
                  crest = lean(over, rest, -2, -0.2), lee = lean(over, rest, 2, 6);
     std::printf("lean of level ground %.3f, with the dune's air %.3f far before it, %.3f on its crest, %.3f "
@@ -91,14 +78,14 @@ TEST(WindOver, FlattensTheCrestAndLeavesTheLeeStanding) {
 TEST(WindOver, CountsShelterOnce) {
     const std::string rays = "shielding = { shield = 0.5, offset = 40 }\n";
     const std::string over = "over = \"dune\"\n";
-    const Vertices rest = vertices_in(over_scene("speed = 0\n")),
-                   by_rays = vertices_in(over_scene(steady + rays)),
-                   by_air = vertices_in(over_scene(steady + over)),
-                   by_both = vertices_in(over_scene(steady + rays + over));
+    const Pose rest = pose_of_scene(over_scene("speed = 0\n")),
+               by_rays = pose_of_scene(over_scene(steady + rays)),
+               by_air = pose_of_scene(over_scene(steady + over)),
+               by_both = pose_of_scene(over_scene(steady + rays + over));
     size_t checked = 0;
     for (size_t c = 0; c < rest.size() / 32; ++c) {
         const size_t tip = 4 * (c * 8 + 6);
-        const auto moved = [&](const Vertices& pose) {
+        const auto moved = [&](const Pose& pose) {
             return (Vec3f(pose.data() + tip) - Vec3f(rest.data() + tip)).norm();
         };
         if (moved(by_air) < 0.5F * moved(by_rays)) { // in a bubble
@@ -116,21 +103,7 @@ TEST(WindOver, KeepsFramesIndependent) {
         "direction = { keys = [[1, [1, 0, 0]], [30, [0, 0, 1]]] }\ngusts = { num_gusts = 30 }\ncalm = 0.5\n"
         "jiggle = { frequency = 2, damping = 0.3, step = 0.5 }\nshielding = { shield = 0.5, offset = 10 }\n",
         "canopy = true\ndensity = 2\nwidth = 0.1\n");
-    const std::vector<double> frames = {7.0, 23.25, 7.5, 12.0, 13.0, 7.0};
-    TestScene one_after_the_other(given);
-    std::map<double, Vertices> alone;
-    for (const double frame : frames) {
-        const Vertices pose = vertices_of(one_after_the_other, frame);
-        if (!alone.contains(frame)) {
-            const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, 1);
-            alone[frame] = vertices_in(given, frame);
-        }
-        EXPECT_EQ(pose, alone.at(frame)) << frame;
-    }
-    TestScene updated(over_scene(steady));
-    vertices_of(updated, 13.0);
-    updated.update(given);
-    EXPECT_EQ(vertices_of(updated, 13.0), alone.at(13.0));
+    expect_independent_frames(given, {7.0, 23.25, 7.5, 12.0, 13.0, 7.0, 13.0}, over_scene(steady));
 }
 
 // Ground that moves: the air is that over the ground of the frame.
@@ -147,15 +120,15 @@ TEST(WindOver, TakesTheGroundOfItsFrame) {
     };
     const std::string moves = scene("{ frame = 25, translate = [30, -8, 0], scale = 10 }");
     TestScene moving(moves);
-    const Vertices before = vertices_of(moving, 1.0), later = vertices_of(moving, 25.0);
-    EXPECT_EQ(later, vertices_in(moves, 25.0));
+    const Pose before = pose_of(moving, 1.0), later = pose_of(moving, 25.0);
+    EXPECT_EQ(later, pose_of_scene(moves, 25.0));
     EXPECT_NE(before, later);
 }
 
 TEST(WindOver, SlowsTheWindInAStand) {
-    const Vertices rest = vertices_in(over_scene("speed = 0\n", "density = 40\nwidth = 0.12\n")),
-                   open = vertices_in(over_scene(steady, "density = 40\nwidth = 0.12\n")),
-                   stand = vertices_in(over_scene(steady, "density = 40\nwidth = 0.12\ncanopy = true\n"));
+    const Pose rest = pose_of_scene(over_scene("speed = 0\n", "density = 40\nwidth = 0.12\n")),
+               open = pose_of_scene(over_scene(steady, "density = 40\nwidth = 0.12\n")),
+               stand = pose_of_scene(over_scene(steady, "density = 40\nwidth = 0.12\ncanopy = true\n"));
     const double inside = lean(stand, rest, 20, 45), edge = lean(stand, rest, -50, -49.7),
                  without = lean(open, rest, 20, 45);
     std::printf("lean in the open %.3f, at the edge of the stand %.3f, inside %.3f\n", without, edge, inside);
@@ -175,8 +148,8 @@ TEST(WindOver, ForgetsFieldsThatHaveFaded) {
             "density = 1\nwidth = 0.05\ncanopy = true\ncanopy_attenuation = 4\n");
     };
     EXPECT_EQ(
-        vertices_in(scene(""), 12.0),
-        vertices_in(scene(", { velocity = [1, 0, 0], transform = { translate = [5000, 0, 0] } }"), 12.0));
+        pose_of_scene(scene(""), 12.0),
+        pose_of_scene(scene(", { velocity = [1, 0, 0], transform = { translate = [5000, 0, 0] } }"), 12.0));
 }
 
 // A strand that hangs below its root stands in the wind, too.
@@ -188,24 +161,14 @@ TEST(WindOver, BlowsStrandsThatHang) {
         changed.replace(changed.find("arc = 5"), 7, "arc = 200");
         return changed;
     };
-    const Vertices rest = vertices_in(bent_over(over_scene("speed = 0\n"))),
-                   blown = vertices_in(bent_over(hanging));
+    const Pose rest = pose_of_scene(bent_over(over_scene("speed = 0\n"))),
+               blown = pose_of_scene(bent_over(hanging));
     size_t moved = 0;
     for (size_t c = 0; c < rest.size() / 32; ++c) moved += blown[4 * (c * 8 + 6)] != rest[4 * (c * 8 + 6)];
     EXPECT_EQ(moved, rest.size() / 32);
 }
 
 TEST(WindOver, SaysWhatIsWrong) {
-    const auto problems = [](const std::string& text) -> std::string {
-        try {
-            TestScene scene(text);
-            return scene.build_errors();
-        } catch (const InputError& error) {
-            std::string all;
-            for (const Problem& problem : error.problems) all += to_string(problem) + "\n";
-            return all;
-        }
-    };
     const std::string wall = mesh("wall", "plane", "transform = { rotate = [90, 0, 0] }\n");
     const std::pair<std::string, const char*> cases[] = {
         {over_scene(steady + "over = \"dunes\"\n"), "there is no mesh or procedural \"dunes\""},
@@ -221,7 +184,8 @@ TEST(WindOver, SaysWhatIsWrong) {
          "canopy_attenuation"},
     };
     for (const auto& [text, message] : cases)
-        EXPECT_NE(problems(text).find(message), std::string::npos) << message << "\n" << problems(text);
+        EXPECT_NE(problems_of_scene(text).find(message), std::string::npos) << message << "\n"
+                                                                            << problems_of_scene(text);
 }
 
 } // namespace

@@ -264,6 +264,12 @@ void add_measure(CLI::App& app, Commands& c) {
                      "how often each setting is measured at most; 1 is quick, and its times are less exact")
         ->check(CLI::Range(1, 1000))
         ->capture_default_str();
+    command
+        ->add_option(
+            "--bend-speed", c.measure.bend_speed,
+            "largest wind speed, m/s, at which blades are compared with the dials of the bend; default: the "
+            "scene's largest")
+        ->check(number_between(1e-3, 1e3));
     command->callback([&c] { c.chosen = [&c] { return measure_command(c.measure); }; });
 }
 
@@ -289,10 +295,10 @@ void add_info(CLI::App& app, Commands& c) {
     CLI::App* command =
         app.add_subcommand("info", "list procedurals, shaders and parameters, or describe a scene or a file");
     command
-        ->add_option(
-            "subject", c.info.subject,
-            "a procedural, shader or table, a scene file, or a file of a mesh, strands or a picture; "
-            "default: everything")
+        ->add_option("subject", c.info.subject,
+                     "a procedural, shader or table (wind: with the formula by which strands bend), a scene "
+                     "file, or a "
+                     "file of a mesh, strands or a picture; default: everything")
         ->check([](const std::string& subject) {
             return subject.empty() ? std::string("it is empty: leave it out to list everything") : "";
         });

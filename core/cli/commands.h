@@ -49,6 +49,7 @@ struct MeasureOptions : CommonOptions {
     std::optional<double> frame;
     double seconds = 110.0; // time budget
     int rounds = 7;
+    double bend_speed = 0.0; // m/s; 0: the scene's largest
 };
 
 struct CompareOptions {

@@ -58,7 +58,8 @@ int measure_command(const MeasureOptions& options) {
     const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, size_t(threads));
     tbb::task_arena arena(threads);
     const double frame = options.frame.value_or(shot.description.globals.vec2("frames").x());
-    const MeasureRequest request{options.scene, options.overrides, frame, options.seconds, options.rounds, threads};
+    const MeasureRequest request{options.scene, options.overrides, frame, options.seconds, options.rounds,
+                                 threads,       options.bend_speed};
     MeasureProgress progress(options.seconds);
     Measurement measurement;
     try {

@@ -26,6 +26,11 @@ bool declares(const Shot& shot, const Item& item, const std::string& key) {
     return false;
 }
 
+const ParamValue* wind_value(const Shot& shot, const Item& groom, const std::string& name) {
+    const ParamValue* own = groom.params.find("wind." + name);
+    return own && own->given ? own : shot.description.wind.find(name);
+}
+
 const ParamSpec* declaration(const Shot& shot, const std::string& key) {
     for (const Item& item : shot.description.procedurals)
         for (const ItemSchema& schema : shot.plugins->schema.procedurals)

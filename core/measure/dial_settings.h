@@ -14,6 +14,9 @@ namespace marram {
 // Whether the procedural of an item declares a parameter.
 bool declares(const Shot& shot, const Item& item, const std::string& key);
 
+// The wind parameter of a groom: its own if given, else the scene's; nullptr if neither has it.
+const ParamValue* wind_value(const Shot& shot, const Item& groom, const std::string& name);
+
 // The declaration of a key by a procedural of the scene; nullptr if none has it.
 const ParamSpec* declaration(const Shot& shot, const std::string& key);
 

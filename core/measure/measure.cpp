@@ -9,6 +9,7 @@
 #include "core/math/clock.h"
 #include "core/measure/errors.h"
 #include "core/measure/rounds.h"
+#include "core/measure/session.h"
 #include "core/render/film.h"
 #include "core/render/integrator.h"
 #include "core/shot/scene/scene_camera.h"
@@ -17,61 +18,14 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <map>
 #include <optional>
-#include <thread>
 
 namespace marram {
 namespace {
 
 constexpr const char* no_time = "not measured: no time was left, give more with --seconds";
-
-struct Session {
-    const MeasureRequest& request;
-    double frame;
-    MeasureProgress& progress;
-    const std::atomic<bool>& cancel;
-    std::vector<std::string> thinned = {}; // changes that reduce the number of strands
-};
-
-// A time limit, at most what is left for all dials. Within 10 ms after it, or after the caller cancels,
-// stop() becomes true, and work that polls it throws Cancelled.
-class TimeLimit {
-  public:
-    TimeLimit(const Session& session, double seconds)
-        : session_(session), left_after_(std::max(session.progress.left() - seconds, 0.0)),
-          watch_([this](const std::stop_token& end) {
-              while (!end.stop_requested() && !stop_.load()) {
-                  if (session_.cancel.load() || left() <= 0.0) stop_ = true;
-                  std::this_thread::sleep_for(std::chrono::milliseconds(10));
-              }
-          }) {}
-
-    const std::atomic<bool>& stop() const { return stop_; }
-    double left() const { return session_.progress.left() - left_after_; }
-
-    // Does the work if there is time. Returns whether it ended. Throws Cancelled only if the caller cancels.
-    template <typename Work>
-    bool in_time(const Work& work) const {
-        if (session_.cancel.load()) throw Cancelled{};
-        if (left() <= 0.0) return false;
-        try {
-            work();
-        } catch (const Cancelled&) {
-            if (session_.cancel.load()) throw;
-            return false;
-        }
-        return true;
-    }
-
-  private:
-    const Session& session_;
-    double left_after_; // seconds left for all dials when this limit is reached
-    std::atomic<bool> stop_ = false;
-    std::jthread watch_; // the last member: it reads the others
-};
 
 World build(Shot& shot, const Dial& dial, const Session& session, const std::atomic<bool>& stop,
             FrameStats& stats) {
@@ -86,14 +40,6 @@ World build(Shot& shot, const Dial& dial, const Session& session, const std::ato
     if (dial.error == DialError::surface) settings.state_folder.clear(); // simulations start anew
     BuildProgress progress;
     return build_world(shot.geometry, settings, stop, progress, stats.build);
-}
-
-// `stop` is read by the scene's procedurals as long as they live.
-Shot load_with(const MeasureRequest& request, const std::atomic<bool>& stop,
-               const std::vector<std::string>& changes) {
-    Overrides overrides = request.overrides;
-    overrides.settings.insert(overrides.settings.end(), changes.begin(), changes.end());
-    return load_shot(request.scene, overrides, stop);
 }
 
 // The setting that ratios refer to: the scene's own, or the first that is not refused.
@@ -574,12 +520,17 @@ void measure(const Shot& shot, const MeasureRequest& request, MeasureProgress& p
     Session session{request, request.frame, progress, cancel};
     const DialList list = dials_of(shot);
     measurement = {request.scene, request.frame, request.threads, 0, 0, 0, {}, list.left_out};
+    const auto weight_from = [&](size_t i) { // of the dials to come
+        double sum = 0.0;
+        for (size_t k = i; k < list.dials.size(); ++k) sum += list.dials[k].weight;
+        return sum;
+    };
+    const double bend = bend_weight(shot);
+    measure_bend(shot, session, std::max(progress.left(), 0.0) * bend / (bend + weight_from(0)), measurement);
     choose_strands(session, measurement);
     for (size_t i = 0; i < list.dials.size(); ++i) {
         const Dial& dial = list.dials[i];
-        double weights = 0.0; // of the dials to come
-        for (size_t k = i; k < list.dials.size(); ++k) weights += list.dials[k].weight;
-        const double budget = std::max(progress.left(), 0.0) * dial.weight / weights;
+        const double budget = std::max(progress.left(), 0.0) * dial.weight / weight_from(i);
         measurement.dials.push_back(dial.error == DialError::image
                                         ? measure_pictures(dial, session, budget)
                                         : BuildDial(dial, session, budget).measure());

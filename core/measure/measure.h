@@ -16,9 +16,10 @@ struct MeasureRequest {
     std::string scene; // file
     Overrides overrides;
     double frame = 0.0;
-    double seconds = 110.0; // time budget
-    int rounds = 7;         // at most so many measurements of each setting; the median counts
-    int threads = 1;        // only for the report: the caller's arena sets the number
+    double seconds = 110.0;  // time budget
+    int rounds = 7;          // at most so many measurements of each setting; the median counts
+    int threads = 1;         // only for the report: the caller's arena sets the number
+    double bend_speed = 0.0; // m/s: the largest at which blades are measured; 0: the largest of the scene
 };
 
 // What is being measured, and the share of the time used; may be read while measuring.

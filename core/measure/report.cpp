@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/measure/report.h"
 
+#include "core/measure/bend_report.h"
 #include "core/page/html.h"
 
 #include <fmt/format.h>
@@ -292,6 +293,7 @@ std::string to_table(const Measurement& m) {
         if (!result.rule.empty()) out += "  " + result.rule + "\n";
     }
     for (const std::string& line : column_help(m)) out += "\n" + line + "\n";
+    for (const BendResult& bend : m.bends) out += bend_table(bend);
     out += "\nLeft out:\n";
     for (const std::string& why : m.left_out) out += "  " + why + "\n";
     return out;
@@ -311,6 +313,10 @@ std::string to_csv(const Measurement& m) {
                                int(setting.own), int(is_reference(result, i)), int(s.front), field(s.refused),
                                result.dial.without_contact.empty() ? "" : fmt::format("{:.9g}", s.beyond));
         }
+    for (const BendResult& bend : m.bends)
+        for (const BendSetting& setting : bend_settings(bend)) // no times
+            out += fmt::format("bend,{},,0,0,{:.9g},{:.9g},deg,,0,{},0,0,,\n", field(setting.label),
+                               setting.error.median, setting.error.most, int(setting.own));
     return out;
 }
 
@@ -364,6 +370,7 @@ std::string to_html(const Measurement& m) {
         if (!result.rule.empty()) out += fmt::format("<p>{}</p>\n", escaped(result.rule));
     }
     for (const std::string& line : column_help(m)) out += fmt::format("<p>{}</p>\n", escaped(line));
+    for (const BendResult& bend : m.bends) out += bend_html(bend);
     out += "<h2>Left out</h2>\n<ul>\n";
     for (const std::string& why : m.left_out) out += fmt::format("<li>{}</li>\n", escaped(why));
     return out + "</ul>\n</body></html>\n";

@@ -3,6 +3,7 @@
 // HTML page.
 #pragma once
 
+#include "core/measure/bend.h"
 #include "core/measure/dials.h"
 
 #include <optional>
@@ -41,6 +42,7 @@ struct Measurement {
     std::vector<DialResult> dials;
     std::vector<std::string> left_out;
     bool built = false; // else the scene's strands, CVs and triangles are unknown
+    std::vector<BendResult> bends{};
 };
 
 // Marks the settings on the Pareto front of time and error. Refused settings are not on it.

@@ -12,12 +12,6 @@
 namespace marram {
 namespace {
 
-// The wind parameter of a groom: its own if given, else the scene's; nullptr if neither has it.
-const ParamValue* wind_value(const Shot& shot, const Item& groom, const std::string& name) {
-    const ParamValue* own = groom.params.find("wind." + name);
-    return own && own->given ? own : shot.description.wind.find(name);
-}
-
 bool any_groom_has(const Shot& shot, const std::string& name) {
     return std::ranges::any_of(shot.description.procedurals,
                                [&](const Item& groom) { return wind_value(shot, groom, name) != nullptr; });

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Dials of strands in the wind that need more than a list of values: an oracle to measure against, a law by
-// which the error falls, several parameters that change together. This is the only code of core that names
-// parameters of the wind.
+// which the error falls, several parameters that change together. This and bend.cpp are the only code of core
+// that names parameters of the wind.
 #pragma once
 
 #include "core/measure/dials.h"

@@ -23,6 +23,10 @@ constexpr std::array params = {
     param::choice(
         "bend", "talk", "talk|blade",
         "talk: turned towards the wind by its dials; blade: bent as an elastic blade by drag and weight"),
+    param::choice(
+        "blade.species", "none", "hair",
+        "numbers of a measured material where none are given: hair: modulus 3.9e9, density 1310, thickness "
+        "7e-5, drag 2"),
     param::number("blade.stiffness", "N m^2", "none", 1e-15, 1e9, "flexural rigidity EI at the root"),
     param::number("blade.modulus", "Pa", "none", 1, 1e13, "Young's modulus, in place of stiffness"),
     param::number("blade.thickness", "m", "none", 1e-9, 10, "of a ribbon, with modulus or density"),
@@ -70,12 +74,75 @@ double section(const BladeShape& shape, double thickness) {
     return shape.flat ? root_width(shape) * thickness : 0.25 * pi * power(root_width(shape), 2);
 }
 
-double thickness_for(const Values& values, const BladeShape& shape, const char* name) {
+// Measured materials. A row is a choice of blade.species, its sources are in scenes/README.md.
+struct Species {
+    std::string_view name;
+    double modulus, density, thickness, drag; // Pa, kg/m^3, m, coefficient
+};
+constexpr std::array all_species = {Species{"hair", 3.9e9, 1310.0, 70e-6, 2.0}};
+
+// The numbers of a scene; those that it leaves out are the species', if it names one.
+struct BladeNumbers {
+    std::optional<double> stiffness, modulus, frequency, mass, density, thickness, drag;
+};
+
+BladeNumbers read_numbers(const Values& values) {
+    BladeNumbers numbers;
+    for (const auto& [name, member] :
+         {std::pair("blade.stiffness", &BladeNumbers::stiffness),
+          std::pair("blade.modulus", &BladeNumbers::modulus),
+          std::pair("blade.frequency", &BladeNumbers::frequency),
+          std::pair("blade.mass", &BladeNumbers::mass), std::pair("blade.density", &BladeNumbers::density),
+          std::pair("blade.thickness", &BladeNumbers::thickness),
+          std::pair("blade.drag", &BladeNumbers::drag)})
+        if (values.has(name)) numbers.*member = values.number(name);
+    if (!values.has("blade.species")) return numbers;
+    const Species& species =
+        *std::ranges::find(all_species, values.text("blade.species"), &Species::name); // checked: a choice
+    if (!numbers.stiffness && !numbers.frequency && !numbers.modulus) numbers.modulus = species.modulus;
+    if (!numbers.mass && !numbers.density) numbers.density = species.density;
+    if (!numbers.thickness) numbers.thickness = species.thickness;
+    if (!numbers.drag) numbers.drag = species.drag;
+    return numbers;
+}
+
+double thickness_for(const Values& values, const BladeNumbers& numbers, const BladeShape& shape,
+                     const char* name) {
     if (!shape.flat) return 0.0;
-    if (!values.has("blade.thickness"))
+    if (!numbers.thickness)
         refuse_blade(values, name, fmt::format("{} of a ribbon needs its thickness", name),
                      "add blade.thickness, in metres");
-    return values.number("blade.thickness");
+    return *numbers.thickness;
+}
+
+void check_blade(const Values& values, const BladeShape& shape, const BladeNumbers& numbers) {
+    if (!(shape.width > 0.0) || !(shape.mean_length > 0.0))
+        refuse_blade(values, "bend",
+                     "a blade needs a width and a length above 0 of its own, and strands with guides have no "
+                     "such length",
+                     "give length and width, and no guides");
+    if (!(shape.width_profile(0.0) > 0.0))
+        refuse_blade(values, "bend", "width_profile is 0 at the root: such a blade is a hinge",
+                     "raise its first value");
+    const int given = int(numbers.stiffness.has_value()) + int(numbers.modulus.has_value()) +
+                      int(numbers.frequency.has_value());
+    if (given != 1)
+        refuse_blade(
+            values, "bend", "a blade's rigidity is given by one of stiffness, modulus and frequency",
+            fmt::format(
+                "{} are given: give one of blade.stiffness, blade.modulus, blade.frequency, or blade.species",
+                given));
+    if (numbers.mass.has_value() == numbers.density.has_value())
+        refuse_blade(values, "bend", "a blade's mass is given by one of mass and density",
+                     "give either blade.mass, in kg/m, or blade.density, in kg/m^3");
+    if (values.has("blade.taper") && !(values.ramp("blade.taper")(0.0) > 0.0))
+        refuse_blade(values, "blade.taper", "blade.taper is 0 at the root: such a blade is a hinge",
+                     "raise its first value");
+    const bool needs_thickness = shape.flat && (numbers.modulus || numbers.density);
+    if (values.has("blade.thickness") && !needs_thickness)
+        refuse_blade(values, "blade.thickness",
+                     "blade.thickness has no effect without modulus or density of a ribbon",
+                     "remove it, or give those in place of stiffness and mass");
 }
 
 } // namespace
@@ -93,42 +160,18 @@ std::optional<Blade> read_blade(const Values& values, const BladeShape& shape) {
                          "add bend = \"blade\", or remove this");
     }
     if (!bends) return {};
-    if (!(shape.width > 0.0) || !(shape.mean_length > 0.0))
-        refuse_blade(values, "bend",
-                     "a blade needs a width and a length above 0 of its own, and strands with guides have no "
-                     "such length",
-                     "give length and width, and no guides");
-    if (!(shape.width_profile(0.0) > 0.0))
-        refuse_blade(values, "bend", "width_profile is 0 at the root: such a blade is a hinge",
-                     "raise its first value");
-    int given = 0;
-    for (const char* name : {"blade.stiffness", "blade.modulus", "blade.frequency"})
-        given += values.has(name) ? 1 : 0;
-    if (given != 1)
-        refuse_blade(
-            values, "bend", "a blade's rigidity is given by one of stiffness, modulus and frequency",
-            fmt::format("{} are given: give one of blade.stiffness, blade.modulus, blade.frequency", given));
-    if (values.has("blade.mass") == values.has("blade.density"))
-        refuse_blade(values, "bend", "a blade's mass is given by one of mass and density",
-                     "give either blade.mass, in kg/m, or blade.density, in kg/m^3");
-    if (values.has("blade.taper") && !(values.ramp("blade.taper")(0.0) > 0.0))
-        refuse_blade(values, "blade.taper", "blade.taper is 0 at the root: such a blade is a hinge",
-                     "raise its first value");
-    const bool needs_thickness = shape.flat && (values.has("blade.modulus") || values.has("blade.density"));
-    if (values.has("blade.thickness") && !needs_thickness)
-        refuse_blade(values, "blade.thickness",
-                     "blade.thickness has no effect without modulus or density of a ribbon",
-                     "remove it, or give those in place of stiffness and mass");
+    const BladeNumbers numbers = read_numbers(values);
+    check_blade(values, shape, numbers);
     Blade blade;
     blade.flat = shape.flat;
     blade.width = shape.width;
     blade.mean_length = shape.mean_length;
     blade.width_profile = shape.width_profile;
     blade.place = values.at("bend").place;
-    blade.mass = values.has("blade.mass") ? values.number("blade.mass")
-                                          : values.number("blade.density") *
-                                                section(shape, thickness_for(values, shape, "blade.density"));
-    blade.drag = values.has("blade.drag") ? values.number("blade.drag") : shape.flat ? 1.2 : 1.0;
+    blade.mass = numbers.mass ? *numbers.mass
+                              : *numbers.density *
+                                    section(shape, thickness_for(values, numbers, shape, "blade.density"));
+    blade.drag = numbers.drag.value_or(shape.flat ? 1.2 : 1.0);
     blade.air_density = values.number("wind.air_density");
     blade.taper = values.has("blade.taper")
                       ? ramp_to_power(values.ramp("blade.taper"), 1, least_taper)
@@ -136,14 +179,13 @@ std::optional<Blade> read_blade(const Values& values, const BladeShape& shape) {
     blade.mass_taper = ramp_to_power(shape.width_profile, shape.flat ? 1 : 2, 0.0);
     blade.sags = values.boolean("blade.sags");
     blade.rigidity = 1.0;
-    if (values.has("blade.frequency"))
-        blade.rigidity =
-            power(values.number("blade.frequency") / natural_frequency(blade, blade.mean_length), 2);
+    if (numbers.frequency)
+        blade.rigidity = power(*numbers.frequency / natural_frequency(blade, blade.mean_length), 2);
     else
-        blade.rigidity = values.has("blade.stiffness")
-                             ? values.number("blade.stiffness")
-                             : values.number("blade.modulus") *
-                                   second_moment(shape, thickness_for(values, shape, "blade.modulus"));
+        blade.rigidity = numbers.stiffness
+                             ? *numbers.stiffness
+                             : *numbers.modulus * second_moment(shape, thickness_for(values, numbers, shape,
+                                                                                     "blade.modulus"));
     return blade;
 }
 

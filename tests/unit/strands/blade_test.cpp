@@ -117,14 +117,43 @@ TEST(Blade, IsMeasuredAtItsRoot) {
     };
     const Pose half = round(wind, "width = 0.005|width_profile = [[0, 0.5]]");
     EXPECT_LT(largest_difference(half, round(wind, "width = 0.0025|width_profile = [[0, 1]]")), 1e-4);
-    EXPECT_EQ(half,
-              round(wind + "global_rotate = { keys = [[1, 0], [10, 1]] }\nresponse = [[0, 0], [100, 1]]\n",
-                    "width = 0.005|width_profile = [[0, 0.5]]"));
+    EXPECT_EQ(
+        half,
+        round(wind +
+                  "global_rotate = { keys = [[1, 0], [10, 1]] }\nresponse = { keys = [[1, [[0, 0], [9, 1]]], "
+                  "[9, [[0, 0], [9, 0]]]] }\n",
+              "width = 0.005|width_profile = [[0, 0.5]]"));
     // The strongest of several speeds counts, whatever the response.
     EXPECT_LT(largest_difference(round("speed = 9\n", "width = 0.005|width_profile = [[0, 1]]"),
                                  round("speed = { keys = [[-90, 12], [-50, 30], [-20, 9]] }\n",
                                        "width = 0.005|width_profile = [[0, 1]]")),
               2e-3);
+}
+
+// A species fills in what is not given; what is given wins.
+TEST(Blade, MayBeOfASpecies) {
+    const std::string wind = "speed = 6\n", hair = "bend = \"blade\"\nblade = { species = \"hair\"";
+    const auto numbers = [](const std::string& blade) {
+        return "bend = \"blade\"\nblade = { " + blade + " }\n";
+    };
+    for (const bool round : {true, false}) {
+        const auto pose = [&](const std::string& blade) {
+            std::string text = blade_scene(wind, blade);
+            text.replace(text.find("width = 0.005"), 13, "width = 7e-5");
+            if (round) text.replace(text.find("shape = \"ribbon\""), 16, "shape = \"round\"");
+            return pose_of_scene(text);
+        };
+        const std::string thick = round ? "" : ", thickness = 7e-5";
+        const Pose preset = pose(hair + " }\n");
+        EXPECT_EQ(preset, pose(numbers("modulus = 3.9e9, density = 1310, drag = 2" + thick)));
+        EXPECT_NE(preset, pose(""));
+        EXPECT_EQ(pose(hair + ", modulus = 1e9 }\n"),
+                  pose(numbers("modulus = 1e9, density = 1310, drag = 2" + thick)));
+        EXPECT_EQ(pose(hair + ", mass = 1e-5, drag = 1 }\n"),
+                  pose(numbers("modulus = 3.9e9, mass = 1e-5, drag = 1" + thick)));
+        EXPECT_EQ(pose(hair + ", frequency = 2 }\n"),
+                  pose(numbers("frequency = 2, density = 1310, drag = 2" + thick)));
+    }
 }
 
 // Jiggle without a frequency takes the blade's; frames in any order, alone, on one thread have the same bits.
@@ -175,6 +204,11 @@ TEST(Blade, SaysWhatIsWrong) {
          "blade.thickness has no effect"},
         {"blade = { stiffness = 1, mass = 1 }\n", "bend is not \"blade\""},
         {"bend = \"reed\"\n", "bend"},
+        {"bend = \"blade\"\nblade = { species = \"reed\" }\n", "hair"},
+        {"blade = { species = \"hair\" }\n", "bend is not \"blade\""},
+        {"bend = \"blade\"\nblade = { species = \"hair\", modulus = 1e9, stiffness = 1 }\n", "2 are given"},
+        {"bend = \"blade\"\nblade = { species = \"hair\", stiffness = 1, mass = 1, thickness = 1e-3 }\n",
+         "blade.thickness has no effect"},
     };
     for (const auto& [blade, message] : cases)
         EXPECT_NE(problems(blade).find(message), std::string::npos) << blade << problems(blade);

@@ -66,6 +66,7 @@ void set_direction(Wind& wind, const ValueNow& value) {
 void set_ramp_rotate(Wind& wind, const ValueNow& value) {
     wind.ramp_rotate = Ramp(value.numbers, value.text);
 }
+void set_response(Wind& wind, const ValueNow& value) { wind.response = Ramp(value.numbers, value.text); }
 void set_envelope_of_groom(Wind& wind, const ValueNow& value) {
     wind.point_envelope = Ramp(value.numbers, value.text);
 }
@@ -77,6 +78,7 @@ void set_field_velocity(Wind& wind, const ValueNow& value) {
 }
 
 constexpr std::array keyable_params = {
+    KeyableParam{"wind.response", set_response, nullptr}, // before the speed, whose weight depends on it
     KeyableParam{"wind.direction", set_direction, nullptr},
     KeyableParam{"wind.speed", set_number<&Wind::speed>, strength},
     KeyableParam{"wind.calm", set_number<&Wind::calm>, value},
@@ -126,13 +128,38 @@ void normalise(const Values& values, Keyframes& directions) {
 
 // What the readers of ramps check of the first key.
 void check_ramp(const Values& values, const std::string& name, const Keyframes& keys) {
-    const bool envelope = name == "envelope";
-    if (!envelope && name != "wind.ramp_rotate") return;
+    const bool share = name == "envelope" || name == "wind.response";
+    if (!share && name != "wind.ramp_rotate") return;
     for (size_t i = 1; i < keys.numbers.size(); i += 2)
-        if (keys.numbers[i] < 0.0 || (envelope && keys.numbers[i] > 1.0))
+        if (keys.numbers[i] < 0.0 || (share && keys.numbers[i] > 1.0))
             throw SceneFault("wind.ramp_range", values.at(name).place,
-                             fmt::format("{} leaves {} at a key", name, envelope ? "0 ... 1" : "0 and more"),
+                             fmt::format("{} leaves {} at a key", name, share ? "0 ... 1" : "0 and more"),
                              "keep its values inside");
+    // Knots move between keys: what holds at each key must hold on the way.
+    for (size_t i = 0; i < keys.count() && name == "wind.response"; ++i)
+        if (keys.key(i)[0] < 0.0 || keys.key(i)[1] != 0.0)
+            throw SceneFault(
+                "wind.response_at_rest", values.at(name).place,
+                fmt::format("wind.response may not be 0 at speed 0 around frame {:g}", keys.frames[i]),
+                "start the ramp of each key with the knot [0, 0]");
+}
+
+// A response that no key exceeds, nor any ramp between two of them: the largest at each knot, or where knots move, the
+// largest of all from the lowest speed on that any has.
+void take_strongest_response(const Keyframes& ramps, std::string_view interpolation, Wind& wind) {
+    std::vector<double> knots(ramps.key(0).begin(), ramps.key(0).end());
+    bool moves = false;
+    double lowest = INFINITY, most = 0.0;
+    for (size_t k = 0; k < ramps.count(); ++k)
+        for (size_t i = 0; i < knots.size(); i += 2) {
+            const double speed = ramps.key(k)[i], response = ramps.key(k)[i + 1];
+            moves |= speed != knots[i];
+            knots[i + 1] = std::max(knots[i + 1], response);
+            if (speed > 0.0) lowest = std::min(lowest, speed);
+            most = std::max(most, response);
+        }
+    if (moves) knots = {0.0, 0.0, lowest, most};
+    wind.response = Ramp(knots, interpolation);
 }
 
 void add_track(const KeyableParam& param, const std::string& name, size_t element, Keyframes keys,
@@ -151,7 +178,10 @@ void add_given(const Values& values, const KeyableParam& param, const std::strin
     if (!keys) return;
     if (name == "wind.direction") normalise(values, *keys);
     check_ramp(values, name, *keys);
+    // Blades have no such dials (set_blade_wind()).
+    if (wind.bends_blades && (name == "wind.response" || name == "wind.global_rotate")) return;
     add_track(param, name, element, std::move(*keys), values.at(name).text, wind, tracks);
+    if (name == "wind.response") take_strongest_response(tracks.back().keys, values.at(name).text, wind);
 }
 
 // Between keys the response may be above that at the keys: at its own knots.
@@ -264,7 +294,6 @@ Wind wind_at(const Wind& wind, double frame) {
         track.keys.at(frame, numbers);
         track.param->set(now, {track.element, numbers, track.ramp_interpolation});
     }
-    if (now.bends_blades) now.global_rotate = 1.0;
     return now;
 }
 

@@ -22,8 +22,8 @@ constexpr std::array own_params = {
     param::keyable(param::number(
         "calm", "", "none", 0, 1,
         "background wind, 0 to 1; default: 0 (still air between gusts) if there are gusts, else 1")),
-    param::ramp("response", "m/s", "[[0, 0], [10, 1]]", -max_wind_input, max_wind_input,
-                "strength of the wind, 0 to 1, over its speed; 0 at speed 0"),
+    param::keyable(param::ramp("response", "m/s", "[[0, 0], [10, 1]]", -max_wind_input, max_wind_input,
+                               "strength of the wind, 0 to 1, over its speed; 0 at speed 0")),
     param::table(
         "record", "none", "time|speed|direction",
         "CSV of a measured wind in place of speed and direction: columns time (h), speed (m/s), direction "
@@ -90,6 +90,16 @@ std::optional<Over> read_over(const Values& values) {
 }
 
 } // namespace
+
+const char* const wind_help =
+    R"(With bend = "talk" each segment of a strand, from root to tip, turns towards the wind and takes all
+beyond it along: by f times the angle between the direction to the tip and b, with
+    b = direction + noise.amplitude * noise(root + direction * waviness * s)
+    f = 1 - (1 - global_rotate * ramp_rotate(s / L) * e) ^ (reference_segments * span / L)
+    e = (calm + gusts) * (1 - shield * sheltered) * response(speed) * the groom's envelope(s / L)
+at arc length s of L. The segment stands for the length span. Factors are clamped to 0 ... 1.
+With reference_segments = 0 f is global_rotate * ramp_rotate(s / L) * e, as in the talk.
+With bend = "blade" drag and weight bend the strands instead: see marram info groom.)";
 
 std::span<const MarramParam> wind_params() {
     static const std::vector<MarramParam> all = [] {
@@ -185,7 +195,6 @@ Wind read_wind(const Values& values, std::optional<double> blade_frequency) {
     wind.collision = read_collision(values);
     if (blade_frequency) set_blade_wind(wind);
     read_keys(values, wind);
-    if (blade_frequency) wind.global_rotate = 1.0;
     return wind;
 }
 

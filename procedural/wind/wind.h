@@ -60,6 +60,9 @@ struct Wind {
 // Parameters of [wind]. Every procedural receives them as "wind.<name>".
 std::span<const MarramParam> wind_params();
 
+// How they bend strands, as text for the manual; README.md and bend.cpp have more.
+extern const char* const wind_help;
+
 // Appends wind.direction and wind.speed, which then cannot have keys: for procedurals whose wind is the
 // same at all times.
 void add_constant_wind(std::vector<MarramParam>& list);

@@ -102,6 +102,9 @@ TEST(KeyedWind, HoldsItsLastKey) {
         {still + "speed = 6\n",
          "collision = { solver = \"exact\", offset_scale = { keys = [[1, 0], [24, 0.9]] } }\n",
          "collision = { solver = \"exact\", offset_scale = 0.9 }\n", ""},
+        {still + "speed = 6\n",
+         "response = { keys = [[1, [[0, 0], [3, 0.1], [12, 0.2]]], [24, [[0, 0], [3, 0.4], [12, 0.9]]]] }\n",
+         "response = [[0, 0], [3, 0.4], [12, 0.9]]\n", ""},
         {still, "field = [{ swirl = { keys = [[1, 0], [24, 7]] }, transform = { scale = 2 } }]\n",
          "field = [{ swirl = 7, transform = { scale = 2 } }]\n", ""},
     };
@@ -145,6 +148,29 @@ TEST(KeyedWind, SendsGustsWithoutForesight) {
     EXPECT_GT(largest_difference(pose_in(gusts + "speed = 3\n", 23.5),
                                  pose_in("calm = 0.3\nglobal_rotate = 0.9\nspeed = 3\n", 23.5)),
               1e-3);
+}
+
+// Response with keys, half way between them; a wind that is 0 at its first key and 1 at a speed that it has only there.
+// Jiggle, whose step and window come from the strongest response, sees all of it.
+TEST(KeyedWind, MayRespondOtherwiseInTime) {
+    const std::string between = "speed = 6\nresponse = ";
+    EXPECT_LT(largest_difference(
+                  pose_in(between + "{ keys = [[1, [[0, 0], [12, 0.2]]], [21, [[0, 0], [12, 0.8]]]] }\n", 11),
+                  pose_in(between + "[[0, 0], [12, 0.5]]\n", 11)),
+              1e-6);
+    // Knots may move: a response with its largest at 2 m/s, later at 10, has it at 6 half way.
+    const std::string moves =
+        "response = { keys = [[1, [[0, 0], [1, 0], [2, 1], [3, 0]]], [21, [[0, 0], [9, 0], [10, "
+        "1], [11, 0]]]] }\n";
+    EXPECT_GT(largest_difference(pose_in("speed = 6\n" + moves, 11), pose_in("speed = 0\n", 11)), 0.01);
+    EXPECT_EQ(pose_in("speed = 6\n" + moves, 1), pose_in("speed = 0\n", 1));
+    const std::string wakes = "speed = 6\nresponse = { keys = [[1, [[0, 0], [12, 0]]], [20, [[0, 0], [12, "
+                              "0]]], [22, [[0, 0], [12, 1]]]] }\n";
+    EXPECT_EQ(pose_in(wakes, 15), pose_in("speed = 0\n", 15));
+    EXPECT_GT(largest_difference(pose_in(wakes, 25), pose_in("speed = 0\n", 25)), 0.01);
+    const std::string swings = wakes + "jiggle = { frequency = 4, damping = 0.15";
+    EXPECT_LT(largest_difference(pose_in(swings + " }\n", 25), pose_in(swings + ", step = 0.0625 }\n", 25)),
+              0.02);
 }
 
 // A wind that is calm at the moment at which the step of jiggle used to be chosen.
@@ -216,6 +242,7 @@ TEST(KeyedWind, KeepsFramesIndependent) {
         "speed = { keys = [[1, 2], [20, 9], [40, 1]], interpolation = \"smooth\" }\n"
         "direction = { keys = [[1, [1, 0, 0]], [30, [0, 0.3, 1]]] }\n"
         "calm = { keys = [[1, 0], [30, 0.6]] }\n"
+        "response = { keys = [[1, [[0, 0], [5, 0.9], [12, 0.2]]], [30, [[0, 0], [5, 0.1], [12, 1]]]] }\n"
         "global_rotate = { keys = [[1, 0.2], [30, 0.9]] }\n"
         "ramp_rotate = { keys = [[1, [[0, 0], [1, 1]]], [30, [[0, 0.5], [1, 0.2]]]] }\n"
         "waviness = { keys = [[1, 0.5], [30, 2]] }\n"
@@ -282,6 +309,13 @@ TEST(KeyedWind, SaysWhatIsWrong) {
         {"direction = { keys = [[1, [1, 0, 0]], [9, [0, 0, 0]]] }",
          "the wind's direction is zero at frame 9"},
         {"ramp_rotate = { keys = [[1, [[0, 1]]], [5, [[0, 1], [1, 2]]]] }",
+         "has other knots than the first key"},
+        {"response = { keys = [[1, [[0, 0], [9, 1]]], [5, [[0, 0.1], [9, 1]]]] }",
+         "wind.response may not be 0 at speed 0 around frame 5"},
+        {"response = { keys = [[1, [[0, 0], [9, 1]]], [5, [[0, 0], [9, 2]]]] }",
+         "wind.response leaves 0 ... 1 at a key"},
+        {"response = { keys = [[1, [[0, 0], [9, 1]]], [5, [[-1, 0], [9, 1]]]] }", "may not be 0 at speed 0"},
+        {"response = { keys = [[1, [[0, 0], [9, 1]]], [5, [[0, 0], [4, 1], [9, 1]]]] }",
          "has other knots than the first key"},
         {"field = [{ swirl = 3, ramp = [[0, 1]] }]", "wind.field[0].ramp is not 0 at 1"},
         {"field = [{ swirl = 3, type = \"vortex\" }]", "wind.field[0].type is unknown"},

@@ -177,6 +177,7 @@ TEST(KeyedWind, KnowsEveryKeyableParameter) {
         const size_t count = param.type == MARRAM_VEC3 ? 3 : param.type == MARRAM_RAMP ? 4 : 1;
         std::vector<double>& two = numbers.emplace_back(2 * count, 0.5);
         if (param.type == MARRAM_RAMP) two = {0, 1, 1, 0.5, 0, 0.2, 1, 2};
+        if (name == "wind.response") two = {0, 0, 1, 0.5, 0, 0, 1, 0.5};
         if (param.type == MARRAM_VEC3) two = {1, 0, 0, 0, 0, 1};
         two.back() += 0.25;
         keys.push_back({sizeof(MarramKeyframes), 2, frames.data(), two.data(), "linear"});

@@ -53,6 +53,7 @@ extern "C" __attribute__((visibility("default"))) const MarramLibrary* marram_li
                                        sizeof(MarramProcedural),
                                        reports.data(),
                                        static_cast<uint32_t>(reports.size()),
-                                       sizeof(MarramReportEntry)};
+                                       sizeof(MarramReportEntry),
+                                       wind_help};
     return abi == MARRAM_ABI_VERSION ? &library : nullptr;
 }

@@ -58,6 +58,7 @@ void PluginLibrary::read(const Place& place) {
     version_ = library.version ? library.version : "";
     wind_params_ = known_parts(library.wind_params, library.wind_param_count, library.wind_param_stride);
     std::erase_if(wind_params_, [](const MarramParam& param) { return !is_usable(param); });
+    wind_help_ = library.wind_help ? library.wind_help : "";
     report_entries_ =
         known_parts(library.report_entries, library.report_entry_count, library.report_entry_stride);
     for (const MarramProcedural& calls :

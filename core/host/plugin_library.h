@@ -25,6 +25,7 @@ class PluginLibrary {
     const std::string& version() const { return version_; }
     const std::vector<ProceduralType>& types() const { return types_; }
     const std::vector<MarramParam>& wind_params() const { return wind_params_; }
+    const std::string& wind_help() const { return wind_help_; }
     const std::vector<MarramReportEntry>& report_entries() const { return report_entries_; }
     const ProceduralType* find(const std::string& type) const; // nullptr if the library has no such type
 
@@ -35,6 +36,7 @@ class PluginLibrary {
     void* handle_ = nullptr;
     std::vector<ProceduralType> types_;
     std::vector<MarramParam> wind_params_;
+    std::string wind_help_;
     std::vector<MarramReportEntry> report_entries_;
 };
 

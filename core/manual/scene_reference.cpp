@@ -96,14 +96,15 @@ std::string params_text(std::span<const ParamSpec> params) {
 struct Topic {
     std::string name, title, help;
     std::span<const ParamSpec> params;
-    std::string table; // that has types: "light"; "": it has none
+    std::string table;  // that has types: "light"; "": it has none
+    std::string text{}; // lines below the title
 };
 
 std::vector<Topic> topics(const Schema& schema) {
     std::vector<Topic> list = {{"globals", "before the first table", "", schema.globals},
                                {"camera", "[camera]", "", schema.camera},
                                {"film", "[film]", "", schema.film},
-                               {"wind", "[wind]", "", schema.wind}};
+                               {"wind", "[wind]", "", schema.wind, "", schema.wind_help}};
     const auto add = [&](const std::vector<ItemSchema>& items, const std::string& table) {
         for (const ItemSchema& item : items) {
             const std::string title = fmt::format("[[{}]] type = \"{}\"", table, item.type);
@@ -125,9 +126,20 @@ std::vector<Topic> topics(const Schema& schema) {
     return list;
 }
 
+// Each line behind four spaces.
+std::string indented(const std::string& text) {
+    std::string out;
+    for (size_t begin = 0; begin < text.size();) {
+        const size_t end = std::min(text.find('\n', begin), text.size());
+        out += "    " + text.substr(begin, end - begin) + "\n";
+        begin = end + 1;
+    }
+    return out.empty() ? out : out + "\n";
+}
+
 std::string topic_text(const Topic& topic) {
-    std::string text = fmt::format("{}{}{}\n{}\n", topic.title, topic.help.empty() ? "" : ": ", topic.help,
-                                   params_text(topic.params));
+    std::string text = fmt::format("{}{}{}\n{}{}\n", topic.title, topic.help.empty() ? "" : ": ", topic.help,
+                                   indented(topic.text), params_text(topic.params));
     if (topic.title.starts_with("[[procedural]]"))
         text += "    library (file; default: libmarram_procedural.so; without a folder it is looked for "
                 "beside the "

@@ -533,6 +533,9 @@ typedef struct MarramLibrary {
     uint32_t procedural_count, procedural_stride;
     const MarramReportEntry* report_entries; /* of all its procedurals */
     uint32_t report_entry_count, report_entry_stride;
+    /* What the parameters of [wind] do together, for the manual: plain text, of any number of lines of at most 100
+     * characters; NULL: nothing. */
+    const char* wind_help;
 } MarramLibrary;
 
 /* The entry point. Returns NULL if the library does not support the requested version. */

@@ -58,6 +58,7 @@ struct ItemSchema {
 struct Schema {
     std::vector<ParamSpec> globals, camera, film, wind;
     std::vector<ItemSchema> lights, materials, meshes, curves, procedurals;
+    std::string wind_help{}; // what the wind's parameters do together, in lines; "": nothing
 };
 
 // The schema of the tables that core/scene declares: globals, camera, film, meshes, curves. The rest is

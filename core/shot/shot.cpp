@@ -32,7 +32,10 @@ void add_library(PluginSet& plugins, const std::string& key, const std::string& 
         if (std::ranges::none_of(plugins.schema.procedurals, same))
             plugins.schema.procedurals.push_back(std::move(schema));
     }
-    if (plugins.schema.wind.empty()) plugins.schema.wind = wind_specs(*library);
+    if (plugins.schema.wind.empty()) {
+        plugins.schema.wind = wind_specs(*library);
+        plugins.schema.wind_help = library->wind_help();
+    }
     plugins.libraries[key] = std::move(library);
 }
 

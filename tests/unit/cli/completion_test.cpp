@@ -212,6 +212,19 @@ TEST(Info, FindsParametersByName) {
 
 // A word with an underscore in a help text is a key, a type or a choice, not an identifier of the code that a
 // renaming has left there.
+// An installed program has no README: the page of the wind has the formula of the bend.
+TEST(Info, ExplainsTheBend) {
+    const std::string wind = marram({"info", "wind"}).out, groom = marram({"info", "groom"}).out;
+    for (const std::string name : {"noise.amplitude", "waviness", "reference_segments", "calm", "gusts",
+                                   "shield", "response(speed)", "global_rotate * ramp_rotate", "envelope"})
+        EXPECT_LT(wind.find(name), wind.find("response  ")) << name << "\n" << wind;
+    for (const std::string& line : lines(wind.substr(0, wind.find("\n\n"))))
+        EXPECT_LE(line.size(), 104U) << line;
+    EXPECT_CONTAINS(groom, "blade.species");
+    EXPECT_CONTAINS(groom, "hair: modulus 3.9e9");
+    EXPECT_CONTAINS(marram({"info"}).out, "response(speed)");
+}
+
 TEST(Info, NamesNothingButKeys) {
     const std::string text = printed({"info"});
     static const std::regex word("[a-z]+(_[a-z]+)+");

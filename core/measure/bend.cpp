@@ -264,6 +264,7 @@ class BendMeasurement {
         for (const double speed : speeds) targets.directions.push_back(trial_.bent(wind_.blades(speed)));
         targets.weights = trial_.weights();
         result_.strands = trial_.strands();
+        if (result_.strands == 0) return wind_.own_dials();
         const BendFit fit = fit_bend(
             targets,
             [&](const std::vector<double>& strengths) {
@@ -285,8 +286,9 @@ class BendMeasurement {
         const Directions rest = trial_.bent(wind_.turned(0.0, own));
         ErrorsOverArc turned, before, after;
         for (const double speed : speeds) {
-            const Directions blades = trial_.bent(wind_.blades(speed)),
-                             by_own = trial_.bent(wind_.turned(speed, own)),
+            const Directions blades = trial_.bent(wind_.blades(speed));
+            result_.unsolved = std::max(result_.unsolved, trial_.unsolved());
+            const Directions by_own = trial_.bent(wind_.turned(speed, own)),
                              by_fit = trial_.bent(wind_.turned(speed, fit));
             const std::vector<double>& weights = trial_.weights();
             result_.by_speed.push_back({speed, speed, bend_error(blades, rest, weights),
@@ -332,10 +334,11 @@ void measure_bend(const Shot& shot, const Session& session, double seconds, Meas
         try {
             const bool ended = limit.in_time([&] {
                 BendMeasurement bend(shot, session, groom, limit);
-                if (bend.has_speed())
-                    measurement.bends.push_back(bend.measure());
-                else
-                    leave_out(groom + " has no wind with a speed: give the largest with --bend-speed");
+                if (!bend.has_speed())
+                    return leave_out(groom + " has no wind with a speed: give the largest with --bend-speed");
+                BendResult result = bend.measure();
+                if (result.strands == 0) return leave_out(groom + " has no strands");
+                measurement.bends.push_back(std::move(result));
             });
             if (!ended) leave_out(groom + " was not measured: no time was left, give more with --seconds");
         } catch (const InputError& error) {

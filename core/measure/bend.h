@@ -28,6 +28,7 @@ struct BendRow {
 struct BendResult {
     std::string groom;
     size_t strands = 0;
+    uint64_t unsolved = 0; // blades, most at any speed
     double max_speed = 0.0;
     std::vector<BendRow> by_speed, by_arc; // by_arc: over all speeds above 0
     BendError before, after;               // over all speeds above 0

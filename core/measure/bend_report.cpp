@@ -37,10 +37,16 @@ std::vector<std::pair<std::string, BendRow>> rows_of(const BendResult& bend) {
 }
 
 std::string summary(const BendResult& bend) {
+    const std::string unsolved =
+        bend.unsolved == 0
+            ? ""
+            : fmt::format(" Up to {} blades have no stable pose that was found: their errors say little.",
+                          bend.unsolved);
     return fmt::format(
-        "Over all speeds above 0: own {:.1f}, 95 % below {:.1f}; fitted {:.1f}, 95 % below {:.1f} "
-        "degrees.",
-        bend.before.median, bend.before.most, bend.after.median, bend.after.most);
+               "Over all speeds above 0: own {:.1f}, 95 % below {:.1f}; fitted {:.1f}, 95 % below {:.1f} "
+               "degrees.",
+               bend.before.median, bend.before.most, bend.after.median, bend.after.most) +
+           unsolved;
 }
 
 constexpr const char* paste =

@@ -45,6 +45,7 @@ Directions BendTrial::bent(const std::vector<std::string>& changes) {
     BuildStats stats;
     World world =
         build_world(shot_.geometry, settings_, stop_, progress, stats, std::exchange(kept_, KeptGeometry{}));
+    unsolved_ = uint64_t(stats.report("bend.unsolved"));
     const auto ours = [&](const CurveGeometry& curves) {
         return std::ranges::any_of(description.procedurals, [&](const Item& item) {
             return item.name == curves.name && item.name_in_file() == groom_;

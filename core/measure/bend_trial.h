@@ -29,6 +29,7 @@ class BendTrial {
         return positions_;
     } // [segment], of its middle along the strand
     size_t strands() const { return strands_; }
+    uint64_t unsolved() const { return unsolved_; } // strands whose pose is only the nearest that was found
 
   private:
     void read(const CurveGeometry& curves, uint64_t every, Directions& directions);
@@ -42,6 +43,7 @@ class BendTrial {
     KeptGeometry kept_;
     std::vector<double> weights_, positions_;
     size_t strands_ = 0;
+    uint64_t unsolved_ = 0;
 };
 
 } // namespace marram

@@ -64,7 +64,8 @@ std::string chart(const BendResult& bend) {
         out += fmt::format("<text x=\"{:.1f}\" y=\"{:.1f}\" text-anchor=\"{}\">{}</text>\n", px, py, anchor,
                            escaped(words));
     };
-    const double step = std::pow(10.0, std::floor(std::log10(highest))) * (highest < 30.0 ? 0.5 : 1.0);
+    const double ten = std::pow(10.0, std::floor(std::log10(highest)));
+    const double step = ten * (highest < 2.0 * ten ? 0.2 : highest < 5.0 * ten ? 0.5 : 1.0);
     for (double angle = 0.0; angle <= highest; angle += step) {
         out += fmt::format("<line x1=\"{0}\" y1=\"{2:.1f}\" x2=\"{1}\" y2=\"{2:.1f}\" stroke=\"#d5d9de\"/>\n",
                            left, right, y(angle));

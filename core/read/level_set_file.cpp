@@ -3,7 +3,7 @@
 #include "core/image/atomic_file.h"
 #include "core/math/own_library.h"
 #include "core/read/mesh_reader.h"
-#include "core/read/vdb/level_set_library.h"
+#include "core/read/vdb/load_library.h"
 
 #include <fmt/format.h>
 
@@ -17,19 +17,6 @@ namespace {
 constexpr double max_voxel_over_extent = 0.01; // of the largest side of a mesh: voxels are not larger
 constexpr double max_voxels_away = 0x1p17;     // from the origin, where floats resolve 0.8 % of a voxel
 constexpr double min_voxel = 2e-5;             // m; OpenVDB takes a volume below 3e-15 m^3 for none
-
-const LevelSetLibrary& library(const std::string& path) {
-    try {
-        static const auto& loaded = load_own_library<LevelSetLibrary>(
-            "libmarram_level_set.so", "marram_level_set_library", MARRAM_VERSION);
-        return loaded;
-    } catch (const std::runtime_error& error) {
-        throw InputError({path},
-                         std::string("the library that reads and writes level sets cannot be loaded (") +
-                             error.what() + ")",
-                         "build it with scenes/setup marram_level_set, or install Marram again");
-    }
-}
 
 // The edge of a square that is as large as two triangles on average.
 double choose_voxel(std::span<const Vec3f> positions, std::span<const std::array<uint32_t, 3>> triangles) {
@@ -47,7 +34,22 @@ double choose_voxel(std::span<const Vec3f> positions, std::span<const std::array
 
 } // namespace
 
-Mesh read_vdb(const std::string& path, std::string& bytes) { return library(path).read(path, bytes); }
+const LevelSetLibrary& level_set_library(const std::string& path) {
+    try {
+        static const auto& loaded = load_own_library<LevelSetLibrary>(
+            "libmarram_level_set.so", "marram_level_set_library", MARRAM_VERSION);
+        return loaded;
+    } catch (const std::runtime_error& error) {
+        throw InputError({path},
+                         std::string("the library that reads and writes .vdb files cannot be loaded (") +
+                             error.what() + ")",
+                         "build it with scenes/setup marram_level_set, or install Marram again");
+    }
+}
+
+Mesh read_vdb(const std::string& path, std::string& bytes) {
+    return level_set_library(path).read(path, bytes);
+}
 
 bool is_closed(const MeshGeometry& mesh) {
     const std::vector<uint32_t> first = weld(mesh.positions.at(0));
@@ -86,7 +88,7 @@ void write_level_set(const std::string& path, const MeshGeometry& mesh) {
                          fmt::format("'{}' is {:g} m from the origin, {:.2g} voxels", mesh.name, farthest,
                                      farthest / voxel),
                          "move it to within 131072 voxels of the origin");
-    const std::string bytes = library(path).bytes(path, mesh, voxel);
+    const std::string bytes = level_set_library(path).bytes(path, mesh, voxel);
     AtomicFile file(path);
     file.write(bytes);
     file.commit();

@@ -159,6 +159,7 @@ void ContractValues::add(const MarramParam& param, std::string name, const Param
         if (!has_udim(value.text)) out.placement = placement(value); // tiles lie where their numbers say
     }
     if (type == MARRAM_TABLE) out.grid = table(value, out);
+    if (type == MARRAM_VOLUME) out.volume = &volumes_.emplace_back(read_volume_value(value))->volume;
     if (type == MARRAM_CURVES_NAME) add_attributes(out);
 }
 
@@ -248,7 +249,7 @@ uint64_t ContractValues::digest() const {
         }
         const MarramGrid* grid = value.grid;
         if (!grid) {
-            digest.add(value.text);
+            if (!value.volume) digest.add(value.text);
             continue;
         }
         digest.add(grid->nx).add(grid->ny).add(grid->components);
@@ -256,6 +257,7 @@ uint64_t ContractValues::digest() const {
         if (value.type == MARRAM_TABLE) digest.add(value.text); // names of its columns
         digest.add(grid->values, size_t(grid->nx) * grid->ny * grid->nz * grid->components * sizeof(float));
     }
+    for (const auto& volume : volumes_) volume->add_to(digest);
     return digest.value();
 }
 

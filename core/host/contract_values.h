@@ -4,6 +4,7 @@
 
 #include "core/geometry/attribute_values.h"
 #include "core/host/plugin_library.h"
+#include "core/host/volume_value.h"
 #include "core/image/image.h"
 
 #include <deque>
@@ -34,6 +35,8 @@ class ContractValues {
     // One line for each image with holes or values that stand alone (core/image/data_image.h), with its
     // place.
     const std::vector<std::string>& warnings() const { return warnings_; }
+    // Of the values, which point to them: to be kept as long as the contract says (MarramVolume).
+    const std::vector<std::shared_ptr<const VolumeValue>>& volumes() const { return volumes_; }
     // Digest of names, values and file contents, without places.
     uint64_t digest() const;
     // The names in values of a type, each once, with their places in the scene.
@@ -57,6 +60,7 @@ class ContractValues {
     std::map<std::string, const MarramGrid*> image_grids_; // by file
     std::deque<MarramGrid> grids_;
     std::deque<MarramPlacement> placements_;
+    std::vector<std::shared_ptr<const VolumeValue>> volumes_;
     std::deque<MarramKeyframes> keyframes_;
     std::string type_name_; // of the procedural
     std::deque<std::vector<MarramAttribute>> attributes_;

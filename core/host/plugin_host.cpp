@@ -119,6 +119,7 @@ uint32_t Procedural::update(const Item& item, const ParamSet& wind, uint32_t inp
     if (instance_ && digest == digest_ && inputs == MARRAM_NOTHING) return MARRAM_NOTHING;
     uint32_t changed = MARRAM_EVERYTHING;
     const MarramValues list = values.list();
+    volumes_.insert(volumes_.end(), values.volumes().begin(), values.volumes().end());
     forget_faults();
     if (instance_ && type_->calls.update) {
         const MarramUpdate update{sizeof(MarramUpdate), &list, inputs};
@@ -132,6 +133,7 @@ uint32_t Procedural::update(const Item& item, const ParamSet& wind, uint32_t inp
         instance_number_ = ++count;
     }
     digest_ = digest;
+    volumes_ = values.volumes();
     file_warnings_ = values.warnings();
     read_attributes();
     return changed;

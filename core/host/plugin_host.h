@@ -28,7 +28,8 @@ using PrepareProgress = std::function<void(double, const std::string&)>;
 class Procedural {
   public:
     // Passes the item's values; wind parameters that it does not set come from the scene's wind. Throws
-    // InputError with the procedural's objections, and for images and tables that cannot be read.
+    // InputError with the procedural's objections, and for images, tables and volumes that cannot be
+    // read.
     Procedural(std::shared_ptr<PluginLibrary> library, const Item& item, const ParamSet& wind,
                const std::atomic<bool>& cancel, std::shared_ptr<const CurveAttributes> curves = {});
     ~Procedural();
@@ -110,6 +111,7 @@ class Procedural {
     const ProceduralType* type_ = nullptr;
     const std::atomic<bool>* cancel_;
     std::shared_ptr<const CurveAttributes> curve_attributes_; // of the scene's curves
+    std::vector<std::shared_ptr<const VolumeValue>> volumes_; // that the instance points to
     const PrepareProgress* progress_ = nullptr;               // while prepare runs
     MarramHost host_{};                                       // lent from create to destroy
     MarramInstance* instance_ = nullptr;

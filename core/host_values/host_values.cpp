@@ -22,7 +22,7 @@ namespace {
 // A value that the host has set.
 struct Setting {
     ParamValue value;
-    MarramValue parts{}; // its grid, placement and attributes
+    MarramValue parts{}; // its grid, placement, volume and attributes
 };
 
 // What is wrong with the last value of a name.
@@ -81,9 +81,13 @@ void erase_within(auto& map, const std::string& element) {
 }
 
 bool is_grid(const ParamSpec& spec) { return spec.type == ParamType::image || spec.type == ParamType::table; }
+bool is_volume(const ParamSpec& spec) { return spec.type == ParamType::volume; }
+bool is_read_by_host(const ParamSpec& spec) { return is_grid(spec) || is_volume(spec); }
 
 std::string remedy_for(const ParamSpec& spec) {
-    return is_grid(spec) ? "read the file, and hand it over by marram_set_grid()" : "give " + wanted(spec);
+    return is_grid(spec)     ? "read the file, and hand it over by marram_set_grid()"
+           : is_volume(spec) ? "read the files, and hand them over by marram_set_volume()"
+                             : "give " + wanted(spec);
 }
 
 // Checks what a scene checks later than when it reads a value: empty names, zero bytes in texts.
@@ -277,7 +281,7 @@ struct MarramHostValues {
                 continue;
             std::string name = given + spec.name.substr(declared.size());
             if (settings.contains(name)) continue;
-            if (spec.initial.empty() || is_grid(spec)) {
+            if (spec.initial.empty() || is_read_by_host(spec)) {
                 if (std::ranges::find(complaints, name, &Complaint::name) == complaints.end())
                     reading.report(where, name + " is missing", remedy_for(spec) + ": " + spec.help,
                                    "host.missing");
@@ -353,7 +357,7 @@ MarramStatus set_table(MarramHostValues* values, const char* name, bool complete
                        auto make, const MarramValue& parts = {}) {
     if (!values || !name || !complete) return MARRAM_ERROR;
     const auto read = [&](const ParamSpec& spec) {
-        const toml::table table = is_grid(spec) ? toml::table() : make(spec);
+        const toml::table table = is_read_by_host(spec) ? toml::table() : make(spec);
         const toml::node* node = table.get("value");
         return node ? read_value(*node, spec, name, values->reading) : std::nullopt;
     };
@@ -439,6 +443,22 @@ MarramStatus marram_set_grid(MarramHostValues* values, const char* name, const M
         return {};
     };
     return values->guarded_set(name, "a grid", parts, make);
+}
+
+MarramStatus marram_set_volume(MarramHostValues* values, const char* name, const MarramVolume* volume,
+                               const char* text) {
+    if (!values || !name) return MARRAM_ERROR;
+    MarramValue parts{};
+    parts.volume = volume;
+    const auto make = [&](const ParamSpec& spec) -> std::optional<ParamValue> {
+        if (!is_volume(spec)) return {};
+        if (volume && is_sized(volume) && known_part(volume).grids && known_part(volume).count > 0)
+            return ParamValue{&spec, "", {}, text ? text : "", {}, {}, true};
+        values->reading.report({}, fmt::format("{} is a volume without grids", name),
+                               "fill in all fields of the volume, and its size");
+        return {};
+    };
+    return values->guarded_set(name, "a volume", parts, make);
 }
 
 MarramStatus marram_set_curves_for(MarramHostValues* values, const char* name, const char* curves,

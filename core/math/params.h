@@ -38,6 +38,7 @@ enum class ParamType {
     keys,      // keyed transform: see core/math/transform.h
     points,    // [[x, y, z], ...]
     table,     // path of an existing CSV file, relative to the scene file
+    volume,    // path of an OpenVDB file, or { file = "a.####.vdb", frames = [1, 48], grid = "vel" }
     unavailable, // planned but not in this build: using it is an error
 };
 
@@ -63,6 +64,8 @@ struct ParamSpec {
 //   text, choice               text                  file, image, table   text = path to open
 //   ramp                       numbers = p0 v0 p1 v1 ..., positions ascending; text = interpolation
 //   texts                      texts                 points        numbers = x0 y0 z0 x1 ...
+//   volume                     text = path to open; numbers = first and last frame if it has a # for them, else none;
+//                              texts = the grid's name, if given
 //   keys                       numbers = 10 a key: frame, translate xyz, rotate xyz (degrees), scale xyz; frames
 //                              ascending; text = interpolation "linear|smooth"
 struct ParamValue {

@@ -110,6 +110,9 @@ MARRAM_HOST_API MarramStatus marram_set_keys(MarramHostValues* values, const cha
 MARRAM_HOST_API MarramStatus marram_set_grid(MarramHostValues* values, const char* name,
                                              const MarramGrid* grid, const MarramPlacement* placement,
                                              const char* text);
+/* A volume that the host has read. text: its path. Not copied: see MarramVolume. */
+MARRAM_HOST_API MarramStatus marram_set_volume(MarramHostValues* values, const char* name,
+                                               const MarramVolume* volume, const char* text);
 MARRAM_HOST_API MarramStatus marram_set_curves_for(MarramHostValues* values, const char* name,
                                                    const char* curves, const MarramAttribute* attributes,
                                                    uint32_t attribute_count, size_t size);

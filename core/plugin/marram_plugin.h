@@ -109,6 +109,21 @@ typedef struct MarramGrid {
     const float* values;
 } MarramGrid;
 
+/*
+ * Vectors in space, which may change in time: a grid of three components (along x, y and z of the scene) for each of
+ * its frames. Between frames they are interpolated linearly; before the first and after the last they are constant.
+ * The grids may differ in size and place. Not copied: unlike other values, a volume lives until the update that
+ * replaces it has returned MARRAM_OK, or the instance is destroyed.
+ */
+typedef struct MarramVolume {
+    size_t size;
+    uint32_t count; /* of grids, 1 or more */
+    uint32_t grid_stride;
+    const MarramGrid* grids; /* [count] */
+    const double* frames;    /* [count], strictly ascending; NULL with one grid, which holds at all times */
+    uint32_t staggered; /* 1: component a of each sample is half a step before its position along axes[a] */
+} MarramVolume;
+
 /* Position and range of an image, from its file. */
 typedef struct MarramPlacement {
     size_t size;
@@ -241,6 +256,7 @@ typedef struct MarramValue {
     uint32_t attribute_count, attribute_stride;
     /* Only of a keyable parameter; NULL if the value is constant. `numbers` are those of the first key. */
     const MarramKeyframes* keyframes;
+    const MarramVolume* volume; /* of MARRAM_VOLUME; NULL if there is none */
 } MarramValue;
 
 /* All declared parameters; those of the wind as "wind.<name>". Absent parameters with the default "none" are

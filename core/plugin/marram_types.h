@@ -15,7 +15,7 @@
 extern "C" {
 #endif
 
-/* What a MarramValue of the type holds: numbers, text, grid. */
+/* What a MarramValue of the type holds: numbers, text, grid, volume. */
 typedef enum MarramParamType {
     MARRAM_BOOLEAN, /* numbers[0] is 0 or 1 */
     MARRAM_INTEGER, /* numbers[0], a whole number that fits into int32_t */
@@ -35,6 +35,7 @@ typedef enum MarramParamType {
     MARRAM_CURVES_NAME, /* text = name of curves, scene's or procedural's, in MarramFrame.curves: a dependency */
     MARRAM_TABLE, /* grid: a table of numbers that the host has read from CSV, nx columns, ny rows, 1 component;
                      text = the columns' names, separated by commas */
+    MARRAM_VOLUME, /* volume: vectors in space that the host has read, such as velocities. text = the file's path */
     MARRAM_PARAM_TYPE_COUNT
 } MarramParamType;
 
@@ -99,6 +100,7 @@ static inline const MarramTypeForm* marram_type_form(MarramParamType type) {
         {"unavailable", "nothing", 0, 0, 0, NULL, NULL, MARRAM_NO_TEXT, "", 0},
         {"reference", "the name of curves", 0, 0, 0, NULL, NULL, MARRAM_NAME_TEXT, "", 0},
         {"table", "a table", 0, 0, 0, NULL, NULL, MARRAM_ANY_TEXT, "", 1},
+        {"volume", "a volume", 0, 0, 0, NULL, NULL, MARRAM_ANY_TEXT, "", 0},
     };
     /* Does not compile if a type has no row. Rows are in the order of MarramParamType. */
     (void)sizeof(char[sizeof forms / sizeof *forms == (size_t)MARRAM_PARAM_TYPE_COUNT ? 1 : -1]);

@@ -176,6 +176,12 @@ constexpr std::array rows = {
     ParamTypeRow{
         ParamType::table, "table", "table", true, read_path,
         [](const ParamSpec&) -> std::string { return "the path of a CSV file of numbers, in quotes"; }},
+    ParamTypeRow{
+        ParamType::volume, "volume", "volume", false, read_volume,
+        [](const ParamSpec&) -> std::string {
+            return "the path of an OpenVDB file, in quotes, or { file = \"a.####.vdb\", frames = [1, 48], "
+                   "grid = \"vel\" }";
+        }},
     ParamTypeRow{ParamType::unavailable, "unavailable", "unavailable", false,
                  reject, // rejected by name before its value is read
                  [](const ParamSpec&) -> std::string { return "nothing"; }},

@@ -314,4 +314,58 @@ bool read_path(const toml::node& node, const ParamSpec& spec, const std::string&
     return true;
 }
 
+namespace {
+
+// The frames of numbered files: whole numbers.
+bool read_file_frames(const toml::node& node, const std::string& label, ParamValue& value, Reading& reading) {
+    constexpr double latest = 1e6, max_files = 4096.0;
+    ParamSpec frames{.name = label, .type = ParamType::range, .minimum = -latest, .maximum = latest};
+    if (!read_numbers(node, frames, 2, true, label, value.numbers, reading)) return false;
+    const double first = value.numbers[0], last = value.numbers[1];
+    const bool whole = first == std::floor(first) && last == std::floor(last);
+    if (whole && first <= last && last - first < max_files) return true;
+    reading.report(
+        place_of(node, reading), fmt::format("{} is [{:g}, {:g}]", label, first, last),
+        fmt::format("give the first and the last frame, whole numbers, at most {:g} frames", max_files));
+    return false;
+}
+
+} // namespace
+
+bool read_volume(const toml::node& node, const ParamSpec& spec, const std::string& label, ParamValue& value,
+                 Reading& reading) {
+    const toml::table* table = node.as_table();
+    const toml::node* file = table ? table->get("file") : &node;
+    if (table && !only_keys(*table, std::vector<std::string>{"file", "frames", "grid"}, label, reading))
+        return false;
+    if (!file) {
+        reading.report(place_of(node, reading), fmt::format("{} names no file", label),
+                       "give " + wanted(spec));
+        return false;
+    }
+    ParamSpec path = spec;
+    path.choices = "numbered";
+    if (!read_path(*file, path, table ? label + ".file" : label, value, reading)) return false;
+    const toml::node* frames = table ? table->get("frames") : nullptr;
+    if (frames && !read_file_frames(*frames, label + ".frames", value, reading)) return false;
+    const bool numbered_files = has_frame_mark(value.text);
+    if (numbered_files != (frames != nullptr)) {
+        reading.report(place_of(frames ? *frames : *file, reading),
+                       frames ? fmt::format("{}.file is one file for all frames", label)
+                              : fmt::format("{} is a sequence without frames", label),
+                       frames ? "put a #### where the frame's number belongs, or leave frames out"
+                              : "give { file = \"a.####.vdb\", frames = [first, last] }");
+        return false;
+    }
+    if (const toml::node* grid = table ? table->get("grid") : nullptr) {
+        if (!grid->is_string() || grid->as_string()->get().empty()) {
+            reading.report(place_of(*grid, reading), fmt::format("{}.grid is {}", label, found(*grid)),
+                           "give the grid's name, in quotes");
+            return false;
+        }
+        value.texts = {grid->as_string()->get()};
+    }
+    return true;
+}
+
 } // namespace marram

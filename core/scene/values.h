@@ -50,5 +50,7 @@ bool read_points(const toml::node& node, const ParamSpec& spec, const std::strin
                  Reading& reading);
 bool read_path(const toml::node& node, const ParamSpec& spec, const std::string& label, ParamValue& value,
                Reading& reading);
+bool read_volume(const toml::node& node, const ParamSpec& spec, const std::string& label, ParamValue& value,
+                 Reading& reading);
 
 } // namespace marram

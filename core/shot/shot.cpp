@@ -6,6 +6,7 @@
 #include "core/shot/scene/texture.h"
 
 #include "core/host/geometry_graph.h"
+#include "core/host/volume_value.h"
 #include "core/image/image_library.h"
 #include "core/math/udim.h"
 #include "core/scene/keyed_values.h"
@@ -404,6 +405,9 @@ std::vector<std::string> files_read(const Shot& shot, const std::string& file) {
         if (!has_udim(image)) files.push_back(image);
         for (const UdimTile& tile : udim_tiles(image)) files.push_back(tile.file);
     };
+    const auto add_volume = [&](const ParamValue& volume) {
+        for (std::string& one : volume_files(volume)) files.push_back(std::move(one));
+    };
     const SceneDescription& description = shot.description;
     for (const auto* items : {&description.materials, &description.meshes, &description.curves,
                               &description.lights, &description.procedurals})
@@ -413,9 +417,13 @@ std::vector<std::string> files_read(const Shot& shot, const std::string& file) {
                     add_image(value.text);
                 else if (value.spec->type == ParamType::file || value.spec->type == ParamType::table)
                     files.push_back(value.text);
+                else if (value.spec->type == ParamType::volume)
+                    add_volume(value);
     for (const ParamValue& value : description.wind.all())
         if (value.spec->type == ParamType::image || value.spec->type == ParamType::table)
             files.push_back(value.text);
+        else if (value.spec->type == ParamType::volume)
+            add_volume(value);
     for (const auto* items : {&description.meshes, &description.curves})
         for (const Item& item : *items)
             if (item.params.has("file_frames"))

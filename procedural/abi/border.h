@@ -47,8 +47,8 @@ struct ReportSink {
 // Sends the message of the exception that is being handled.
 MarramStatus report_exception(const MarramHost& host, const std::string& subject, const char* memory_remedy);
 
-// Runs the body of a call, its loops on the host's executor, and turns exceptions into messages to the
-// host. subject: e.g. "groom", for message ids and texts. memory_remedy: what to do if memory runs out. Returns
+// Runs the body of a call, its loops on the host's executor, and turns exceptions into messages to the host.
+// subject: e.g. "groom", for message ids and texts. memory_remedy: what to do if memory runs out. Returns
 // MARRAM_ERROR without a message if there is no memory for one.
 template <typename Body>
 MarramStatus guarded(const MarramHost& host, const char* subject, const char* memory_remedy,
@@ -91,10 +91,27 @@ inline void add_placement(Digest& digest, const MarramPlacement* given) {
     digest.add(&placement, sizeof placement);
 }
 
-// Adds a value: name, numbers, text and grid.
+// Adds where a volume's numbers are, not what they are: volumes are not copied, so an instance needs the new
+// place even of the same numbers.
+inline void add_volume(Digest& digest, const MarramVolume* given) {
+    if (!given) return;
+    const MarramVolume volume = known_part(given);
+    digest.add(volume.staggered).add(volume.count);
+    if (volume.frames) digest.add(volume.frames, volume.count * sizeof(double));
+    for (const MarramGrid& grid : known_parts(volume.grids, volume.count, volume.grid_stride))
+        digest.add(uint64_t(reinterpret_cast<uintptr_t>(grid.values)))
+            .add(grid.nx)
+            .add(grid.ny)
+            .add(grid.nz)
+            .add(grid.origin, sizeof grid.origin)
+            .add(grid.axes, sizeof grid.axes);
+}
+
+// Adds a value: name, numbers, text, grid and volume.
 inline void add_value(Digest& digest, const MarramValue& value) {
     digest.add(value.name).add(value.text).add(value.numbers, value.number_count * sizeof(double));
     add_placement(digest, value.placement);
+    add_volume(digest, value.volume);
     if (value.keyframes) {
         const MarramKeyframes keys = known_part(value.keyframes);
         digest.add(keys.frames, keys.count * sizeof(double))

@@ -112,6 +112,45 @@ Fault grid_fault(const MarramTypeForm& form, const MarramValue& value) {
     return {};
 }
 
+// Branch-free, so that it vectorises. NaN counts as out of range.
+bool within(const float* numbers, size_t count, float most) {
+    unsigned beyond = 0;
+    for (size_t i = 0; i < count; ++i) beyond |= unsigned(!(std::fabs(numbers[i]) <= most));
+    return beyond == 0;
+}
+
+// Reads all of its numbers.
+Fault volume_fault(const MarramVolume* given) {
+    if (!given) return {"has no volume", "read the files and hand over what they hold"};
+    if (!is_sized(given)) return {"has a volume whose size is 0", "set MarramVolume.size"};
+    const MarramVolume volume = known_part(given);
+    const std::vector<MarramGrid> grids = known_parts(volume.grids, volume.count, volume.grid_stride);
+    if (grids.empty()) return {"is a volume without grids", "give one or more"};
+    if (!volume.frames && grids.size() > 1)
+        return {"is a volume of several grids without frames", "say when each of them holds"};
+    for (size_t g = 0; g < grids.size(); ++g) {
+        const MarramGrid& grid = grids[g];
+        const auto refuse = [&](const char* what, const char* remedy) -> Fault {
+            return {fmt::format("is a volume whose grid {} {}", g, what), remedy};
+        };
+        if (volume.frames &&
+            (!std::isfinite(volume.frames[g]) || (g > 0 && !(volume.frames[g] > volume.frames[g - 1]))))
+            return refuse("does not ascend in frames", "sort them by frame, each frame once");
+        const double numbers = 3.0 * grid.nx * grid.ny * grid.nz;
+        if (!grid.values || grid.components != 3 || !(numbers >= 3.0) || !(numbers < 0x1p31))
+            return refuse("does not have 1 to 715 million samples of 3 components", "resample it");
+        Eigen::Matrix3d axes;
+        for (int axis = 0; axis < 3; ++axis) axes.col(axis) = Vec3d(grid.axes[axis]);
+        const Vec3d origin(grid.origin);
+        if (!axes.allFinite() || !origin.allFinite() || !axes.inverse().allFinite())
+            return refuse("has a place that is not usable", "give a finite origin, and axes that span space");
+        constexpr float largest = 1e6F;
+        if (!within(grid.values, size_t(numbers), largest))
+            return refuse("has vectors that are not finite, or beyond 1e6", "repair them");
+    }
+    return {};
+}
+
 Fault keyframes_fault(const MarramParam& param, const MarramTypeForm& form, const MarramValue& value) {
     if (!param.keyable) return {"has keyframes", "it is constant in time (MarramParam.keyable)"};
     if (!is_sized(value.keyframes)) return {"has keyframes whose size is 0", "set MarramKeyframes.size"};
@@ -147,6 +186,7 @@ Fault value_fault(const MarramParam& param, const MarramValue& value) {
     if (Fault fault = content_fault(param, *form, value)) return fault;
     if (value.keyframes)
         if (Fault fault = keyframes_fault(param, *form, value)) return fault;
+    if (value.type == MARRAM_VOLUME) return volume_fault(value.volume);
     return form->components > 0 ? grid_fault(*form, value) : Fault{};
 }
 
@@ -239,13 +279,6 @@ std::vector<ContractFault> value_faults(std::span<const MarramParam> params,
 }
 
 namespace {
-
-// Branch-free, so that it vectorises. NaN counts as out of range.
-bool within(const float* numbers, size_t count, float most) {
-    unsigned beyond = 0;
-    for (size_t i = 0; i < count; ++i) beyond |= unsigned(!(std::fabs(numbers[i]) <= most));
-    return beyond == 0;
-}
 
 bool finite(const float* numbers, size_t count) {
     return within(numbers, count, std::numeric_limits<float>::max());

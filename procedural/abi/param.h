@@ -39,6 +39,7 @@ MARRAM_PLAIN_PARAM(boolean, MARRAM_BOOLEAN)
 MARRAM_PLAIN_PARAM(text, MARRAM_TEXT)
 MARRAM_PLAIN_PARAM(curves, MARRAM_CURVES_NAME) // the name of curves
 MARRAM_PLAIN_PARAM(keys, MARRAM_KEYS)
+MARRAM_PLAIN_PARAM(volume, MARRAM_VOLUME)
 #undef MARRAM_PLAIN_PARAM
 
 // choices: what MarramParam.choices means for the type.

@@ -22,7 +22,7 @@ typedef struct Layer {
 } Layer;
 
 typedef struct Settings {
-    double size, swell, grow, tone, record;
+    double size, swell, grow, tone, record, air;
     int divisions;
     char on[most_text], along[most_text];
     Layer layers[most_layers];
@@ -50,6 +50,7 @@ static const MarramParam hill_params[] = {
     {"on", MARRAM_MESH_NAME, "", "none", 0, 0, "", "mesh that it stands on", NULL, NULL},
     {"along", MARRAM_CURVES_NAME, "", "none", 0, 0, "", "curves that it rises beside", NULL, NULL},
     {"record", MARRAM_TABLE, "", "none", 0, 0, "", "whose first column's sum it rises by", NULL, NULL},
+    {"air", MARRAM_VOLUME, "m/s", "none", 0, 0, "", "whose last vector's y it rises by", NULL, NULL},
     {"size", MARRAM_NUMBER, "m", "4", 1e-3, 1e6, "", "side of its square", NULL, NULL},
     {"divisions", MARRAM_INTEGER, "", "8", 1, most_divisions, "", "squares a side", "4|8|16",
      "seconds.procedural_meshes"},
@@ -109,6 +110,12 @@ static double first_column(const MarramGrid* table) {
     return sum;
 }
 
+/* The y of the last vector of the last frame. */
+static double last_rise(const MarramVolume* volume) {
+    const MarramGrid* grid = MARRAM_AT(MarramGrid, volume->grids, volume->grid_stride, volume->count - 1);
+    return grid->values[3 * (size_t)grid->nx * grid->ny * grid->nz - 2];
+}
+
 static int layer_index(const char* name) { return (int)strtol(name + strlen("layer["), NULL, 10); }
 
 static void read_value(const MarramValue* value, Settings* to) {
@@ -117,6 +124,7 @@ static void read_value(const MarramValue* value, Settings* to) {
     if (strcmp(name, "on") == 0) strncpy(to->on, value->text, most_text - 1);
     if (strcmp(name, "along") == 0) strncpy(to->along, value->text, most_text - 1);
     if (strcmp(name, "record") == 0) to->record = first_column(value->grid);
+    if (strcmp(name, "air") == 0) to->air = last_rise(value->volume);
     if (strcmp(name, "size") == 0) to->size = number;
     if (strcmp(name, "divisions") == 0) to->divisions = (int)number;
     if (strcmp(name, "swell") == 0) to->swell = number;
@@ -174,7 +182,7 @@ static void destroy(MarramInstance* instance) {
 
 static double height_at(const MarramInstance* instance, double x, double z, double frame) {
     const Settings* s = &instance->settings;
-    double height = instance->base + instance->grown + s->record + s->swell * sin(frame);
+    double height = instance->base + instance->grown + s->record + s->air + s->swell * sin(frame);
     for (int i = 0; i < s->layer_count; ++i) {
         const Layer* layer = &s->layers[i];
         const double dx = x - layer->x, dz = z - layer->z;

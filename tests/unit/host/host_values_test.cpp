@@ -136,6 +136,8 @@ std::string something_for(const MarramParam& param, const std::string& folder) {
         return fmt::format("\"{}/a.png\"", folder);
     case MARRAM_TABLE:
         return fmt::format("\"{}/a.csv\"", folder);
+    case MARRAM_VOLUME:
+        return fmt::format("\"{}/a.vdb\"", folder);
     default:
         return fmt::format("{}", number);
     }
@@ -306,7 +308,8 @@ TEST(HostValues, ReadWhatAScenesLoaderReads) {
         for (const MarramParam& param : type.params) {
             const bool is_text = param.type == MARRAM_TEXT || param.type == MARRAM_CHOICE ||
                                  param.type == MARRAM_MESH_NAME || param.type == MARRAM_CURVES_NAME;
-            const bool is_file = param.type == MARRAM_IMAGE || param.type == MARRAM_TABLE;
+            const bool is_file =
+                param.type == MARRAM_IMAGE || param.type == MARRAM_TABLE || param.type == MARRAM_VOLUME;
             if (is_text || is_file || std::string_view(param.name).find("[].") != std::string_view::npos)
                 continue;
             ParamSpec spec;
@@ -545,6 +548,7 @@ TEST(HostValues, RefuseWhatIsMissing) {
             EXPECT_EQ(marram_set_ramp(of, name, &number, 1, "linear"), MARRAM_ERROR);
             EXPECT_EQ(marram_set_keys(of, name, &number, 1, "linear"), MARRAM_ERROR);
             EXPECT_EQ(marram_set_grid(of, name, nullptr, nullptr, nullptr), MARRAM_ERROR);
+            EXPECT_EQ(marram_set_volume(of, name, nullptr, nullptr), MARRAM_ERROR);
             EXPECT_EQ(marram_set_curves(of, name, "a", nullptr, 0), MARRAM_ERROR);
         }
     EXPECT_EQ(marram_set(v, "on", nullptr), MARRAM_ERROR);
@@ -558,6 +562,59 @@ TEST(HostValues, RefuseWhatIsMissing) {
     EXPECT_EQ(marram_set_text(v, "on", ""), MARRAM_ERROR);
     EXPECT_EQ(marram_set(v, "on", "\"a\\u0000b\""), MARRAM_ERROR); // a zero byte would end the name
     EXPECT_EQ(marram_values_finish(v, nullptr), nullptr);
+}
+
+// The helper passes them on; the library checks their numbers.
+TEST(HostValues, MayBeVolumes) {
+    const auto library = own_library();
+    const ProceduralType& groom = groom_of(*library);
+    const HostValues values = host_values(groom);
+    MarramHostValues* v = values.get();
+    for (const char* needed : {"length", "width"}) EXPECT_EQ(marram_set(v, needed, "0.1"), MARRAM_OK);
+    EXPECT_EQ(marram_set(v, "count", "12"), MARRAM_OK);
+    EXPECT_EQ(marram_set(v, "on", "ground"), MARRAM_OK);
+    const char* name = "wind.field[0].velocities";
+    std::vector<float> numbers(24, 1.0F);
+    MarramGrid grids[2] = {{"a", 2, 2, 2, 3, {}, {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}, numbers.data()}};
+    grids[1] = grids[0];
+    const double frames[] = {1.0, 2.0};
+    MarramVolume volume{sizeof volume, 2, sizeof(MarramGrid), grids, frames, 0};
+    EXPECT_EQ(marram_set(v, name, "\"a.vdb\""), MARRAM_ERROR); // this library reads no files
+    EXPECT_EQ(marram_set_volume(v, "length", &volume, "a.vdb"), MARRAM_ERROR);
+    EXPECT_EQ(marram_set(v, "length", "0.1"), MARRAM_OK);
+    EXPECT_EQ(marram_set_volume(v, name, &volume, "a.vdb"), MARRAM_OK);
+    EXPECT_EQ(marram_set(v, "wind.field[0].shape", "grid"), MARRAM_OK);
+    const auto refusal = [&] {
+        MessageLog told;
+        const MarramHost host = told.host();
+        const MarramValues* all = marram_values_finish(v, &host);
+        MarramInstance* instance = nullptr;
+        if (all && groom.calls.create(&host, all, &instance) == MARRAM_OK) groom.calls.destroy(instance);
+        return fmt::format("{}", fmt::join(told.lines, "\n"));
+    };
+    EXPECT_EQ(refusal(), "");
+    const auto expect_fault = [&](const char* fault) {
+        EXPECT_NE(refusal().find(fault), std::string::npos) << fault << ": " << refusal();
+    };
+    numbers[7] = std::nanf("");
+    expect_fault("grid 0 has vectors that are not finite");
+    numbers[7] = 1.0F;
+    grids[1].axes[2][2] = 0.0;
+    expect_fault("grid 1 has a place that is not usable");
+    grids[1] = grids[0];
+    grids[1].components = 2;
+    expect_fault("grid 1 does not have");
+    grids[1].components = 3;
+    volume.frames = nullptr;
+    expect_fault("several grids without frames");
+    const double backwards[] = {2.0, 1.0};
+    volume.frames = backwards;
+    expect_fault("does not ascend in frames");
+    volume.frames = frames;
+    volume.size = offsetof(MarramVolume, staggered); // an older host
+    EXPECT_EQ(refusal(), "");
+    volume.size = 0;
+    EXPECT_EQ(marram_set_volume(v, name, &volume, "a.vdb"), MARRAM_ERROR);
 }
 
 TEST(HostValues, AreLentAsTheyWereHandedOver) {

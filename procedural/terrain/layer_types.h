@@ -4,6 +4,7 @@
 #pragma once
 
 #include "procedural/abi/values.h"
+#include "procedural/air/guides.h"
 #include "procedural/terrain/layer.h"
 #include "procedural/terrain/simulation.h"
 
@@ -31,12 +32,6 @@ class LayerValues {
     std::string full(std::string_view name) const { return prefix_ + std::string(name); }
     const Values& all_;
     std::string prefix_;
-};
-
-// A drawn curve from the scene.
-struct DrawnCurve {
-    std::vector<Vec3d> points;
-    bool closed = false;
 };
 
 // Inputs that create a layer, besides its values.

@@ -14,27 +14,10 @@ constexpr double most_samples = 1e8;
 
 std::string prefix_of(int layer) { return fmt::format("layer[{}].", layer); }
 
-// The CVs of curve c, without the phantom vertices before the first and after the last (MarramCurves).
-DrawnCurve drawn_curve(const MarramCurves& curves, uint64_t c) {
-    const uint64_t first = curves.offsets ? curves.offsets[c] + 2 * c : c * (curves.cvs_per_curve + 2);
-    const uint64_t count = curves.offsets ? curves.offsets[c + 1] - curves.offsets[c] : curves.cvs_per_curve;
-    DrawnCurve drawn;
-    drawn.closed = curves.closed && curves.closed[c] != 0;
-    for (uint64_t k = 0; k < count; ++k) {
-        const float* v = curves.vertices[0] + 4 * (first + 1 + k);
-        drawn.points.emplace_back(double(v[0]), double(v[1]), double(v[2]));
-    }
-    return drawn;
-}
-
 std::vector<DrawnCurve> drawn_curves(const MarramFrame& frame, std::string_view name,
                                      const std::string& place) {
-    for (const MarramCurves& curves : known_parts(frame.curves, frame.curves_count, frame.curves_stride)) {
-        if (!curves.name || name != curves.name) continue;
-        std::vector<DrawnCurve> list;
-        for (uint64_t c = 0; c < curves.curve_count; ++c) list.push_back(drawn_curve(curves, c));
-        return list;
-    }
+    for (const MarramCurves& curves : known_parts(frame.curves, frame.curves_count, frame.curves_stride))
+        if (curves.name && name == curves.name) return marram::drawn_curves(curves);
     throw SceneFault("terrain.no_curves", place, fmt::format("there are no curves '{}'", name),
                      "name those of a [[curves]]");
 }

@@ -1,19 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 // Wind fields that a person draws.
 //
-// Image: the first two channels are the local wind along and across the wind's direction (across: from +x towards
-// +z), as fractions of its shear velocity; (1, 0) changes nothing. The image is stretched over the terrain, bilinear.
+// Image: the first two channels are the local wind along and across the wind's direction (across: from +x
+// towards +z), as fractions of its shear velocity; (1, 0) changes nothing. The image is stretched over the
+// terrain, bilinear.
 //
 // Curves: the wind follows them, in the direction in which they are drawn. With phi the angle from the wind
-// to the curve, and d the distance to its points, the wind turns by
+// to the curve and w the weights of air/guides.h, the wind turns by
 //
 //   (integral of phi w over all curves) / (pi / reach + integral of w over all curves)
 //
-// with w = 1 / (d^2 + cell^2) per metre of curve; reach is the distance from a long straight curve at which
-// half of its angle is left. The integrals are exact for each segment: on a line at the distance h, from s0
-// to s1 along it, the integral of w is (atan(s1 / q) - atan(s0 / q)) / q with q^2 = h^2 + cell^2. On a long
-// straight curve the wind turns by reach / (reach + cell) of its angle, nearly all; at a distance d by reach
-// / (reach + d).
+// On a long straight curve the wind turns by reach / (reach + cell) of its angle, nearly all; at a distance d
+// by reach / (reach + d), so that at the distance reach half of its angle is left.
 //
 // Cost: samples times segments. Segments, but the last of a curve, are two cells long or more.
 #include "procedural/terrain/wind_field.h"
@@ -25,7 +23,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <optional>
 
 namespace marram {
 namespace {
@@ -54,46 +51,8 @@ void check_wind_field(const WindField& field, const Domain& domain, const std::s
             "keep its curves or image closer to the wind's direction");
 }
 
-struct FieldSegment {
-    Vec2d a, b;
-    double length, turn; // m, radians from the wind
-};
-
-// Points closer together than two cells, or than a tenth of their distance from the terrain, are skipped: the
-// field has no finer features there.
-std::vector<FieldSegment> field_segments(const std::vector<DrawnCurve>& curves, const Vec2d& wind,
-                                         const Domain& domain) {
-    const Eigen::AlignedBox2d terrain(Vec2d(domain.x(0), domain.z(0)),
-                                      Vec2d(domain.x(domain.nx - 1), domain.z(domain.nz - 1)));
-    std::vector<FieldSegment> segments;
-    for (const DrawnCurve& curve : curves) {
-        if (curve.points.empty()) continue;
-        const size_t count = curve.points.size() + (curve.closed ? 1 : 0);
-        std::optional<Vec2d> a;
-        for (size_t k = 0; k < count; ++k) {
-            const Vec3d& point = curve.points[k % curve.points.size()];
-            const Vec2d b(point.x(), point.z());
-            const Vec2d along = a ? Vec2d(b - *a) : Vec2d::Zero();
-            const bool last = k + 1 == count && along.squaredNorm() > 0.0;
-            if (a && !last &&
-                !(along.norm() >= std::max(2.0 * domain.cell, 0.1 * terrain.exteriorDistance(b))))
-                continue;
-            if (a)
-                segments.push_back(
-                    {*a, b, along.norm(),
-                     std::atan2(wind.x() * along.y() - wind.y() * along.x(), wind.dot(along))});
-            a = b;
-        }
-    }
-    return segments;
-}
-
-// The integral of 1 / (d^2 + cell^2) over a segment.
-double segment_weight(const Vec2d& p, const FieldSegment& s, double cell) {
-    const Vec2d along = (s.b - s.a) / s.length, to = s.a - p;
-    const double begin = to.dot(along), across = along.x() * to.y() - along.y() * to.x();
-    const double q = std::hypot(across, cell);
-    return (std::atan((begin + s.length) / q) - std::atan(begin / q)) / q;
+Eigen::AlignedBox2d box_of(const Domain& domain) {
+    return {Vec2d(domain.x(0), domain.z(0)), Vec2d(domain.x(domain.nx - 1), domain.z(domain.nz - 1))};
 }
 
 } // namespace
@@ -119,7 +78,12 @@ WindField wind_field_of_image(const MarramGrid& grid, const Domain& domain, cons
 
 WindField wind_field_along(const std::vector<DrawnCurve>& curves, double reach, const Domain& domain,
                            const Vec2d& wind, const std::string& place) {
-    const std::vector<FieldSegment> segments = field_segments(curves, wind, domain);
+    const std::vector<GuideSegment> segments = guide_segments(curves, domain.cell, box_of(domain));
+    std::vector<double> angles; // of the segments, radians from the wind
+    for (const GuideSegment& s : segments) {
+        const Vec2d along = s.b - s.a;
+        angles.push_back(std::atan2(wind.x() * along.y() - wind.y() * along.x(), wind.dot(along)));
+    }
     if (segments.empty())
         throw SceneFault("terrain.wind_field", place, "the curves of the wind field have no length",
                          "give each two different points or more");
@@ -130,9 +94,9 @@ WindField wind_field_along(const std::vector<DrawnCurve>& curves, double reach, 
         for (int i = 0; i < domain.nx; ++i) {
             const Vec2d p(domain.x(i), domain.z(j));
             double weights = pi / reach, turns = 0.0;
-            for (const FieldSegment& s : segments) {
-                const double w = segment_weight(p, s, domain.cell);
-                weights += w, turns += w * s.turn;
+            for (size_t s = 0; s < segments.size(); ++s) {
+                const double w = guide_weight(p, segments[s], domain.cell);
+                weights += w, turns += w * angles[s];
             }
             field.turn[domain.index(i, j)] = float(turns / weights);
         }

@@ -110,6 +110,7 @@ void RockInstance::take(std::span<const MarramValue> list) {
                              "leave it out here, or name another mesh");
     values_digest = digest_of_values(list);
     values = std::move(stored);
+    tell_of_ignored_fields(host, Values(values.all()), "the grains that wear rock are");
     begun = false;
 }
 

@@ -81,6 +81,7 @@ const std::vector<MarramParam>& RockDeclaration::params() {
     static const std::vector<MarramParam> params = [] {
         std::vector<MarramParam> list(rock_values.begin(), rock_values.end());
         add_constant_wind(list);
+        list.push_back(ignored_field_param());
         return list;
     }();
     return params;

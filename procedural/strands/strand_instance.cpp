@@ -201,6 +201,11 @@ void StrandInstance::find_ground() {
     ground = std::move(found);
 }
 
+// The curves that the wind follows, as they are in this frame: the past is that along the same curves.
+void StrandInstance::find_guides() {
+    if (frame.stage != MARRAM_REST && lend_guides(frame, wind.fields)) forget_past();
+}
+
 MarramOutput StrandInstance::begin(LentFrame lent) {
     frame = lent.frame;
     meshes = std::move(lent.meshes);
@@ -211,6 +216,7 @@ MarramOutput StrandInstance::begin(LentFrame lent) {
     lay_out();
     const double finding = wall_seconds();
     find_ground();
+    find_guides();
     begin_seconds.prepare += wall_seconds() - finding;
     set_gust_plane_once(host, frame, bounds_without_meshes(), wind, gust_start);
     const double choosing = wall_seconds();
@@ -275,7 +281,9 @@ void StrandInstance::report(const ReportSink& sink) {
     report_own(sink);
     begin_seconds = {};
     const Bytes held = bytes();
-    const size_t shared = held.shared + past.bytes() + (ground ? ground->bytes() : 0);
+    size_t maps = 0; // of fields
+    for (const PlacedField& field : wind.fields) maps += field_bytes(field);
+    const size_t shared = held.shared + past.bytes() + (ground ? ground->bytes() : 0) + maps;
     size_t states = 0;
     for (const auto& batches : jiggle_states)
         for (const JiggleState& state : batches) states += state.bytes();

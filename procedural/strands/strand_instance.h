@@ -155,6 +155,7 @@ struct StrandInstance : Instance {
 
   private:
     void find_ground();
+    void find_guides();
     void choose_settings();
     Choice choose_step(double tolerance);
     PastSettings settings_of_past() const;

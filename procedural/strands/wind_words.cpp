@@ -74,7 +74,10 @@ void warn_of_idle_wind(const MarramHost& host, const Values& given, const Wind& 
         send(host, MARRAM_WARNING, "wind.idle", std::string(place_of_value(given, name)), what, remedy);
     };
     const std::span<const double> speeds = wind.response.positions();
-    if (!wind.fields.empty()) return; // they blow where the mean wind does not
+    const auto blows_alone = [](const PlacedField& field) { // where the mean wind does not
+        return field.shape != FieldShape::curves && field.shape != FieldShape::image;
+    };
+    if (std::ranges::any_of(wind.fields, blows_alone)) return;
     if (wind.speed == 0.0) {
         if (!is_given(given, "wind.speed") && asks_for_wind(given, wind)) // else 0 on purpose
             warn("wind.direction", "wind.speed is not given, and without it the wind does nothing",
@@ -104,7 +107,11 @@ void warn_of_untouching_gusts(const MarramHost& host, const Wind& wind, const Ma
         if (!field_touches(wind.fields[i], *frames, strands))
             send(host, MARRAM_COMMON_WARNING, "field.no_contact", fmt::format("wind.field[{}]", i),
                  fmt::format("this field touches no strand in frames {:g} to {:g}", frames->x(), frames->y()),
-                 "check its transform: it reaches to 1 m from its centre, times its scale");
+                 wind.fields[i].shape == FieldShape::grid
+                     ? "check its transform: its box is that of the file's active voxels, in metres"
+                 : wind.fields[i].shape == FieldShape::curves
+                     ? "check its curves, or raise its reach: their influence ends at 4 times it"
+                     : "check its transform: it reaches to 1 m from its centre, times its scale");
     if (!wind.gusts || !frames || !wind_bends(wind) || strands.isEmpty()) return;
     const Gusts& gusts = *wind.gusts;
     const GustContacts contacts = gusts_touching(gusts, gust_carrier(wind), *frames, frame.fps, strands);
@@ -148,7 +155,11 @@ std::string wind_summary(const Wind& wind, const MarramFrame& frame, const Eigen
                              : "";
     if (wind.gusts) text += gust_text(wind, frame, strands);
     if (wind.over) text += fmt::format("  over: {}\n", wind.over->mesh);
-    if (!wind.fields.empty()) text += fmt::format("  fields: {}\n", wind.fields.size());
+    if (!wind.fields.empty()) {
+        std::vector<std::string> fields;
+        for (const PlacedField& field : wind.fields) fields.push_back(field_text(field));
+        text += fmt::format("  fields: {}, {}\n", wind.fields.size(), fmt::join(fields, ", "));
+    }
     std::string stages;
     const auto add = [&](bool runs, const char* stage) {
         if (runs) stages += (stages.empty() ? "" : ", ") + std::string(stage);

@@ -59,6 +59,7 @@ const std::vector<MarramParam>& TerrainInstance::params() {
         };
         add_constant_wind(list);
         list.back().help = "10 m above the ground: what moves the sand of a dune_solver";
+        list.push_back(ignored_field_param());
         list.push_back(param::table("wind.record", "none", "time|speed|direction",
                                     "CSV of a measured wind, of a dune_solver whose wind is \"record\""));
         return list;
@@ -72,13 +73,14 @@ void TerrainInstance::take(std::span<const MarramValue> list) {
     StoredValues stored(list);
     const Values given(stored.all());
     const Domain described = read_domain(given);
-    mask_names(given); // throws if a layer type is unknown
-    evolves(given);    // throws if two layers evolve
+    mask_names(given);                 // throws if a layer type is unknown
+    const bool blown = evolves(given); // throws if two layers evolve
     if (!stack || !(described == domain)) stack = std::make_unique<Stack>(described);
     domain = described;
     digest = digest_of_values(list);
     values = std::move(stored);
     declare_attributes(*this, Values(values.all()));
+    if (blown) tell_of_ignored_fields(host, Values(values.all()), "the sand of a dune_solver is");
     begun = false;
 }
 

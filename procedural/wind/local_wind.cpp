@@ -1,39 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "procedural/wind/local_wind.h"
 
-#include "procedural/abi/param.h"
 #include "procedural/abi/ramp_table.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
-#include <array>
 #include <cmath>
+#include <vector>
 
 namespace marram {
 namespace {
-
-constexpr double fastest = 1e6; // m/s
-
-constexpr std::array params = {
-    param::choice(
-        "field[].shape", "sphere", "sphere|box",
-        "where the wind differs: a sphere of radius 1 m or a box of half side 1 m, before its transform"),
-    param::keys("field[].transform", "{}", "its place, rotation and scale, keyed"),
-    param::keyable(param::vec3("field[].velocity", "m/s", "[0, 0, 0]", -fastest, fastest,
-                               "wind inside, in the field's own axes")),
-    param::keyable(param::number("field[].swirl", "m/s", "0", -fastest, fastest,
-                                 "wind about the field's y axis, greatest at the core")),
-    param::keyable(
-        param::number("field[].pull", "m/s", "0", -fastest, fastest,
-                      "wind towards the field's centre, greatest at the core; below 0: away from it")),
-    param::number("field[].core", "", "0.3", 0.01, 1,
-                  "where swirl and pull are greatest, as a share of its size"),
-    param::keyable(param::number("field[].weight", "", "1", 0, 1, "scale of its influence")),
-    param::choice("field[].mode", "add", "add|replace", "it is added to the wind, or takes its place"),
-    param::ramp("field[].ramp", "", "{ knots = [[0, 1], [0.5, 1], [1, 0]], interpolation = \"smooth\" }", 0,
-                1, "influence from the centre (0) to the surface (1), where it is 0"),
-};
 
 // c(q) / q of local_wind.h, from q^2.
 MARRAM_INLINE VDouble scully_over_q(const VDouble& squared, double core) {
@@ -46,14 +21,20 @@ MARRAM_INLINE Wide3d rotated(const Eigen::Matrix3d& r, const Wide3d& v) {
             v.x * r(2, 0) + v.y * r(2, 1) + v.z * r(2, 2)};
 }
 
-MARRAM_INLINE Wide3d with_field(const FieldAt& at, const Wide3d& p, const Wide3d& v) {
+MARRAM_INLINE VDouble largest(const Wide3d& x) { return vmax(vmax(vabs(x.x), vabs(x.y)), vabs(x.z)); }
+
+// The field's influence s at t, 0 outside.
+MARRAM_INLINE VDouble influence(const PlacedField& field, const VDouble& t) {
+    return select(t < 1.0, evaluate(field.ramp, t) * field.weight, 0.0);
+}
+
+MARRAM_INLINE Wide3d with_vortex(const FieldAt& at, const Wide3d& p, const Wide3d& v) {
     const PlacedField& field = *at.field;
     const Wide3d x = rotated(at.to_unit, p - splat3(at.center.data()));
     const VDouble rr = dot(x, x);
-    const VDouble t = field.box ? vmax(vmax(vabs(x.x), vabs(x.y)), vabs(x.z)) : vsqrt(rr);
-    const VLong inside = t < 1.0;
-    if (!any(inside)) return v;
-    const VDouble share = select(inside, evaluate(field.ramp, t) * field.weight, 0.0);
+    const VDouble t = field.shape == FieldShape::box ? largest(x) : vsqrt(rr);
+    if (!any(t < 1.0)) return v;
+    const VDouble share = influence(field, t);
     Wide3d f = splat3(field.velocity.data());
     if (field.swirl != 0.0) {
         const VDouble turn = scully_over_q(x.x * x.x + x.z * x.z, field.core) * field.swirl;
@@ -62,6 +43,63 @@ MARRAM_INLINE Wide3d with_field(const FieldAt& at, const Wide3d& p, const Wide3d
     if (field.pull != 0.0) f = f - x * (scully_over_q(rr, field.core) * field.pull);
     const Wide3d world = rotated(at.axes, f);
     return v + (field.replaces ? world - v : world) * share;
+}
+
+MARRAM_INLINE Wide3d with_grid(const FieldAt& at, const Wide3d& p, const Wide3d& v) {
+    const PlacedField& field = *at.field;
+    Wide3d changed = v;
+    for (const SamplesAt& samples : at.grids) {
+        if (!samples.samples) break;
+        const Wide3d x = rotated(samples.to_unit, p - splat3(samples.center.data()));
+        const VDouble t = largest(x);
+        if (!any(t < 1.0)) continue;
+        const VDouble share = influence(field, t) * samples.share;
+        const Wide3d world =
+            rotated(at.axes, velocities_at(*samples.samples, field.velocities->staggered, x));
+        changed = changed + (field.replaces ? world - v : world) * share;
+    }
+    return changed;
+}
+
+// mean: V of local_wind.h.
+MARRAM_INLINE Wide3d with_image(const FieldAt& at, const Wide3d& p, const Wide3d& v, const Wide3d& mean) {
+    const PlacedField& field = *at.field;
+    const Wide3d x = rotated(at.to_unit, p - splat3(at.center.data()));
+    const VDouble t = vmax(vabs(x.x), vabs(x.z));
+    if (!any(t < 1.0)) return v;
+    VFloat value[2];
+    plan_values<2>(*field.map, x.x, x.z, value);
+    const VDouble along = to_double(value[0]), across = to_double(value[1]);
+    const Wide3d f = mean * along + Wide3d{-mean.z, VDouble{}, mean.x} * across;
+    return v + (f - (field.replaces ? v : mean)) * influence(field, t);
+}
+
+MARRAM_INLINE Wide3d with_curves(const FieldAt& at, const Wide3d& p, const Wide3d& v, const Wide3d& mean) {
+    const PlacedField& field = *at.field;
+    const Wide3d x = rotated(at.to_unit, p - splat3(at.center.data()));
+    const VLong inside = vmax(vabs(x.x), vabs(x.z)) < 1.0;
+    if (!any(inside)) return v;
+    VFloat value[4]; // times the influence
+    plan_values<4>(*field.map, x.x, x.z, value);
+    const VDouble weight = select(inside, splat(field.weight), splat(0.0)), share = to_double(value[0]);
+    const VDouble speed = vsqrt(mean.x * mean.x + mean.z * mean.z);
+    Wide3d turned = {to_double(value[1]) * speed - mean.x * share, VDouble{},
+                     to_double(value[2]) * speed - mean.z * share};
+    if (field.replaces) turned = turned + (mean - v) * to_double(value[3]);
+    return v + turned * weight;
+}
+
+MARRAM_INLINE Wide3d with_field(const FieldAt& at, const Wide3d& p, const Wide3d& v, const Wide3d& mean) {
+    switch (at.field->shape) {
+    case FieldShape::grid:
+        return with_grid(at, p, v);
+    case FieldShape::image:
+        return with_image(at, p, v, mean);
+    case FieldShape::curves:
+        return with_curves(at, p, v, mean);
+    default:
+        return with_vortex(at, p, v);
+    }
 }
 
 MARRAM_HOT void wind_of_blocks(const LocalWind& wind, std::span<const FieldAt> fields, Strands& strands) {
@@ -73,7 +111,7 @@ MARRAM_HOT void wind_of_blocks(const LocalWind& wind, std::span<const FieldAt> f
         const Wide3f* const rest = strands.rest.data() + size_t(i) * size_t(strands.cvs);
         const Wide3d p = to_double(rest[0]);
         const auto with_fields = [&](Wide3d v) MARRAM_ALWAYS_INLINE {
-            for (const FieldAt& field : fields) v = with_field(field, p, v);
+            for (const FieldAt& field : fields) v = with_field(field, p, v, undisturbed);
             return v;
         };
         Wide3d v = undisturbed;
@@ -106,69 +144,6 @@ MARRAM_HOT void wind_of_blocks(const LocalWind& wind, std::span<const FieldAt> f
 }
 
 } // namespace
-
-std::span<const MarramParam> field_params() { return params; }
-
-std::vector<PlacedField> read_fields(const Values& values) {
-    std::vector<PlacedField> fields;
-    for (;;) {
-        const std::string prefix = fmt::format("wind.field[{}].", fields.size());
-        if (!values.has(prefix + "shape")) return fields;
-        PlacedField& field = fields.emplace_back();
-        field.box = values.text(prefix + "shape") == "box";
-        field.replaces = values.text(prefix + "mode") == "replace";
-        const MarramValue& keys = values.at(prefix + "transform");
-        field.transform = KeyedTransform(std::span(keys.numbers, keys.number_count), keys.text);
-        field.velocity = values.vec3(prefix + "velocity");
-        field.swirl = values.number(prefix + "swirl");
-        field.pull = values.number(prefix + "pull");
-        field.core = values.number(prefix + "core");
-        field.weight = values.number(prefix + "weight");
-        field.ramp = falling_ramp(values, prefix + "ramp", "field.ramp_jumps", "field.ramp_end");
-        field.location = values.at(prefix + "transform").place;
-    }
-}
-
-double max_added_speed(const PlacedField& field) {
-    return field.velocity.norm() + std::abs(field.swirl) + std::abs(field.pull);
-}
-
-std::vector<FieldAt> fields_at(std::span<const PlacedField> fields, double frame) {
-    std::vector<FieldAt> list;
-    for (const PlacedField& field : fields) {
-        const Eigen::Affine3d transform = field.transform.at(frame);
-        FieldAt at{&field, transform.translation(), {}, {}, {}, {}};
-        Vec3d half = Vec3d::Zero();
-        for (int axis = 0; axis < 3; ++axis) {
-            const Vec3d column = transform.linear().col(axis);
-            const double length = column.stableNorm();
-            at.axes.col(axis) = column / length;
-            at.to_unit.row(axis) = column / length / length;
-            half += field.box ? Vec3d(column.cwiseAbs()) : Vec3d(column.cwiseAbs2());
-        }
-        if (!at.to_unit.allFinite() || field.weight == 0.0) continue; // no volume, or no effect
-        if (!field.box) half = half.cwiseSqrt();
-        constexpr double slack = 1e-12; // rounding, as of gusts
-        const Vec3d reach = half + slack * (half + at.center.cwiseAbs());
-        at.lower = at.center - reach;
-        at.upper = at.center + reach;
-        list.push_back(at);
-    }
-    return list;
-}
-
-bool field_touches(const PlacedField& field, const Vec2d& frames, const Eigen::AlignedBox3d& box) {
-    constexpr double max_times = 1000.0;
-    const double length = frames.y() - frames.x(), step = std::max(1.0, length / max_times);
-    for (double at = 0.0; at <= length; at += step) {
-        for (const FieldAt& now : fields_at({&field, 1}, frames.x() + at))
-            if ((now.lower.array() <= box.max().array()).all() &&
-                (now.upper.array() >= box.min().array()).all())
-                return true;
-        if (!field.transform.moves()) return false;
-    }
-    return false;
-}
 
 void local_wind(const LocalWind& wind, Strands& strands) {
     strands.wind_direction.resize(size_t(strands.blocks));

@@ -204,7 +204,7 @@ double max_response(const Wind& wind) {
     if (wind.fields.empty() && !wind.over) return wind_response(wind);
     constexpr double over_crests = 2.0; // roughly: linear theory at slopes of 30 degrees
     double fastest = wind.over ? over_crests * wind.speed : wind.speed;
-    for (const PlacedField& field : wind.fields) fastest += max_added_speed(field);
+    for (const PlacedField& field : wind.fields) fastest += max_added_speed(field, wind.speed);
     double most = std::max(wind.response(wind.speed), wind.response(fastest));
     for (const double knot : wind.response.positions())
         if (knot > 0.0 && knot < fastest) most = std::max(most, wind.response(knot));
@@ -242,9 +242,8 @@ bool wind_bends(const Wind& wind) {
 }
 
 bool wind_moves(const Wind& wind) {
-    const auto moving = [](const PlacedField& field) { return field.transform.moves(); };
     const bool raises = wind.keys && wind.collision && wind.collision->offset_scale; // may have keys
-    if (wind.keys || std::ranges::any_of(wind.fields, moving)) return wind_bends(wind) || raises;
+    if (wind.keys || std::ranges::any_of(wind.fields, field_moves)) return wind_bends(wind) || raises;
     const bool travels = wind.speed > 0.0 && wind.noise.frequency > 0.0;
     const bool ripples = wind.noise_amplitude > 0.0 && (travels || wind.evolution != 0.0);
     return wind_bends(wind) && (ripples || (wind.gusts && gusts_move(*wind.gusts)));

@@ -262,8 +262,14 @@ RATIO(blade_to_bend, Ca_tenth, 0.1)->Iterations(25);
 RATIO(blade_to_bend, Ca_1, 1.0)->Iterations(25);
 RATIO(blade_to_bend, Ca_10, 10.0)->Iterations(25);
 RATIO(blade_to_bend, Ca_100, 100.0)->Iterations(25);
-BENCHMARK_CAPTURE(local, field, T0, &Workload::run_field)->UseManualTime()->Iterations(50);
-BENCHMARK_CAPTURE(local, ground, T0, &Workload::run_ground)->UseManualTime()->Iterations(50);
+#define LOCAL(name, run) BENCHMARK_CAPTURE(local, name, T0, &Workload::run)->UseManualTime()->Iterations(50)
+LOCAL(field, run_field);
+LOCAL(field_grid, run_field_grid);
+LOCAL(field_between_frames, run_field_between_frames);
+LOCAL(field_staggered, run_field_staggered);
+LOCAL(field_image, run_field_image);
+LOCAL(field_curves, run_field_curves);
+LOCAL(ground, run_ground);
 RATIO(chain_to_literal, T0, T0, 5.0);
 RATIO(chain_to_literal, T2, T2, 4.0);
 RATIO(chain_to_literal, D, D, 5.0);

@@ -8,6 +8,7 @@
 #include "procedural/wind/blade/elastica.h"
 #include "procedural/wind/keyed_wind.h"
 #include "procedural/wind/shield.h"
+#include "tests/bench/fields.h"
 
 #include <tbb/parallel_for.h>
 
@@ -330,13 +331,8 @@ double Workload::build_bvh() {
     return seconds;
 }
 
-double Workload::run_field() {
-    PlacedField whirl;
-    whirl.swirl = 3.0;
-    whirl.pull = 1.0;
-    whirl.transform = KeyedTransform(std::array{1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 9.0, 9.0, 9.0}, "linear");
-    whirl.ramp = Ramp(std::vector<double>{0, 1, 0.5, 1, 1, 0}, "smooth");
-    const std::vector<FieldAt> fields = fields_at({&whirl, 1}, 1.0), none;
+double Workload::seconds_of_field(const PlacedField& field, double frame) {
+    const std::vector<FieldAt> fields = fields_at({&field, 1}, frame), none;
     const auto seconds = [&](const std::vector<FieldAt>& list) {
         return seconds_of([&] {
             for (Strands& patch : bent_)
@@ -345,7 +341,30 @@ double Workload::run_field() {
     };
     seconds(none);
     const double without = seconds(none);
+    seconds(fields);
     return seconds(fields) - without;
+}
+
+double Workload::run_field() { return seconds_of_field(whirl_field(), 1.0); }
+double Workload::run_field_grid() {
+    static const PlacedField field = grid_field(1, false);
+    return seconds_of_field(field, 1.0);
+}
+double Workload::run_field_between_frames() {
+    static const PlacedField field = grid_field(2, false);
+    return seconds_of_field(field, 1.4);
+}
+double Workload::run_field_staggered() {
+    static const PlacedField field = grid_field(1, true);
+    return seconds_of_field(field, 1.0);
+}
+double Workload::run_field_image() {
+    static const PlacedField field = image_field();
+    return seconds_of_field(field, 1.0);
+}
+double Workload::run_field_curves() {
+    static const PlacedField field = curves_field();
+    return seconds_of_field(field, 1.0);
 }
 
 double Workload::run_ground() {

@@ -63,6 +63,11 @@ class Workload {
     // What a field of the wind costs: seconds of local_wind() for all roots, with a field around them less
     // without one, on one thread.
     double run_field();
+    double run_field_grid();
+    double run_field_between_frames(); // two grids
+    double run_field_staggered();
+    double run_field_image();
+    double run_field_curves();
     // Seconds of the bend alone, on one thread, in a full wind: of the talk, and of blades at this Ca
     // (elastica.cpp).
     double run_bend();
@@ -79,6 +84,7 @@ class Workload {
         ChainScratch chain;
         Strands work;
     };
+    double seconds_of_field(const PlacedField& field, double frame);
     Wind wind_;
     Groom groom_;
     Ramp whole_;

@@ -28,7 +28,7 @@ struct Random {
 
 PlacedField random_field(Random& random, bool box, bool replaces) {
     PlacedField field;
-    field.box = box;
+    field.shape = box ? FieldShape::box : FieldShape::sphere;
     field.replaces = replaces;
     const Vec3d at = random.vector(1.0), turn = random.vector(180.0), scale = random.vector(1.0);
     const std::array keys = {1.0,
@@ -59,7 +59,7 @@ Vec3d velocity_at(const std::vector<PlacedField>& fields, const Vec3d& mean, con
     for (const PlacedField& field : fields) {
         const Eigen::Affine3d transform = field.transform.at(1.0);
         const Vec3d x = transform.inverse() * p;
-        const double r = x.norm(), t = field.box ? x.cwiseAbs().maxCoeff() : r;
+        const double r = x.norm(), t = field.shape == FieldShape::box ? x.cwiseAbs().maxCoeff() : r;
         if (!(t < 1.0)) continue;
         const Vec3d across(x.x(), 0.0, x.z());
         Vec3d f = field.velocity;

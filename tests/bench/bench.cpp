@@ -267,6 +267,7 @@ LOCAL(field, run_field);
 LOCAL(field_grid, run_field_grid);
 LOCAL(field_between_frames, run_field_between_frames);
 LOCAL(field_staggered, run_field_staggered);
+LOCAL(field_staggered_between_frames, run_field_staggered_between);
 LOCAL(field_image, run_field_image);
 LOCAL(field_curves, run_field_curves);
 LOCAL(ground, run_ground);

@@ -358,6 +358,10 @@ double Workload::run_field_staggered() {
     static const PlacedField field = grid_field(1, true);
     return seconds_of_field(field, 1.0);
 }
+double Workload::run_field_staggered_between() {
+    static const PlacedField field = grid_field(2, true);
+    return seconds_of_field(field, 1.4);
+}
 double Workload::run_field_image() {
     static const PlacedField field = image_field();
     return seconds_of_field(field, 1.0);

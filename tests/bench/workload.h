@@ -66,6 +66,7 @@ class Workload {
     double run_field_grid();
     double run_field_between_frames(); // two grids
     double run_field_staggered();
+    double run_field_staggered_between();
     double run_field_image();
     double run_field_curves();
     // Seconds of the bend alone, on one thread, in a full wind: of the talk, and of blades at this Ca

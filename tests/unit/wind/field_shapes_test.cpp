@@ -300,7 +300,7 @@ double angle_between(const Vec3d& a, const Vec3d& b) {
 // A long straight curve: nearly all of its angle on it, half at its reach, none at four times that.
 TEST(FieldCurves, TurnByHalfAtTheirReach) {
     const double reach = 5.0;
-    for (const double angle : {20.0 * degree, 90.0 * degree, 150.0 * degree}) {
+    for (const double angle : {20.0 * degree, 90.0 * degree, 120.0 * degree}) {
         DrawnCurve line;
         const Vec3d along(std::cos(angle), 0.0, std::sin(angle)), aside(-along.z(), 0.0, along.x());
         for (int i = -10; i <= 10; ++i) line.points.push_back(6.0 * i * along);

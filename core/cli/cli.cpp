@@ -127,6 +127,7 @@ struct Commands {
     CompareOptions compare;
     InfoOptions info;
     SheetOptions sheet;
+    ViewOptions view;
     ManOptions man;
     Texts texts;
     std::function<int()> chosen;
@@ -291,6 +292,19 @@ void add_compare(CLI::App& app, Commands& c) {
     command->callback([&c] { c.chosen = [&c] { return compare_command(c.compare); }; });
 }
 
+void add_view(CLI::App& app, Commands& c) {
+    CLI::App* command = app.add_subcommand(
+        "view", "open a scene in the browser: play its strands, change its values, render");
+    c.view.overrides.makes_pictures = true;
+    add_scene(*command, c.view);
+    command->add_option("--port", c.view.port, "port of this machine to serve at; 0: any that is free")
+        ->type_name("PORT")
+        ->check(CLI::Range(0, 65535))
+        ->capture_default_str();
+    command->add_flag("!--no-open", c.view.opens, "only print the address");
+    command->callback([&c] { c.chosen = [&c] { return view_command(c.view); }; });
+}
+
 void add_info(CLI::App& app, Commands& c) {
     CLI::App* command =
         app.add_subcommand("info", "list procedurals, shaders and parameters, or describe a scene or a file");
@@ -413,6 +427,7 @@ int run(int argc, char** argv) {
     Commands commands;
     add_render(app, commands);
     add_bake(app, commands);
+    add_view(app, commands);
     add_info(app, commands);
     add_compare(app, commands);
     add_measure(app, commands);

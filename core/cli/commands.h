@@ -72,6 +72,11 @@ struct SheetOptions {
     bool quiet = false;
 };
 
+struct ViewOptions : CommonOptions {
+    uint16_t port = 0; // 0: any that is free
+    bool opens = true; // the address in a browser
+};
+
 struct ManOptions {
     std::string command; // "": the page of the program
     std::string folder;  // write pages as files to this folder; "": print the page
@@ -80,6 +85,7 @@ struct ManOptions {
 int render_command(const RenderOptions& options);
 int bake_command(const BakeOptions& options);
 int measure_command(const MeasureOptions& options);
+int view_command(const ViewOptions& options);
 int compare_command(const CompareOptions& options); // 0 alike, 1 different
 int info_command(const InfoOptions& options);
 int sheet_command(const SheetOptions& options);

@@ -49,8 +49,9 @@ struct CurveGeometry {
     MarramBasis basis = MARRAM_BSPLINE;
     MarramShape shape = MARRAM_ROUND;
     uint64_t curve_count = 0;
-    uint32_t cvs_per_curve = 0;             // 0: curves differ, see offsets
-    std::vector<uint64_t> offsets;          // [curve_count + 1] of first CVs; empty if all have as many
+    uint64_t all_curves = 0;       // without BuildSettings::share; more than curve_count if it left some out
+    uint32_t cvs_per_curve = 0;    // 0: curves differ, see offsets
+    std::vector<uint64_t> offsets; // [curve_count + 1] of first CVs; empty if all have as many
     std::vector<uint32_t> curve_of_segment; // if there are offsets
     uint32_t pieces = 0;                    // straight pieces per segment; 0: the cubic (curve_pieces.h)
     std::vector<const float*>

@@ -17,6 +17,11 @@ endif()
 
 install(TARGETS marram RUNTIME COMPONENT program)
 install(TARGETS marram_images LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR}/marram COMPONENT program)
+if(TARGET marram_view) # with three.js inside, whose licence goes with it
+  install(TARGETS marram_view LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR}/marram COMPONENT program)
+  install(FILES /usr/share/doc/libjs-three/copyright DESTINATION ${CMAKE_INSTALL_DOCDIR} RENAME three.js.copyright
+          COMPONENT program OPTIONAL)
+endif()
 install(DIRECTORY core/integrations/blender/marram_blender DESTINATION ${CMAKE_INSTALL_DATADIR}/marram/blender COMPONENT program
         PATTERN __pycache__ EXCLUDE)
 # Sample scenes with the files that they name, and the page that explains them; not its pictures.

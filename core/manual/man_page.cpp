@@ -2,6 +2,7 @@
 #include "core/manual/man_page.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <cctype>
 
@@ -58,7 +59,9 @@ std::string option_section(const CommandText& command) {
                                     roff(option.names[i]));
             if (!positional && !option.value.empty()) text += " \\fI" + roff(option.value) + "\\fR";
             text += "\n" + roff(sentence(option.help)) + "\n";
-            if (positional && !option.choices.empty()) text += "One of " + roff(option.value) + ".\n";
+            if (positional && !option.choices.empty())
+                text +=
+                    "One of " + roff(fmt::format("{}", fmt::join(option.choices, ", "))) + ".\n"; // may wrap
             if (!option.range.empty()) text += "From " + roff(option.range) + ".\n";
             if (!option.initial.empty()) text += "Default: " + roff(option.initial) + "\n";
             if (option.required) text += "Required.\n";

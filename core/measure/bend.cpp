@@ -1,19 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
-// A groom with bend = "blade" is evaluated as it is, as blades, and with bend = "talk", as strands that dials turn. The
-// wind is steady and the same everywhere: the scene's direction and air, at speeds from 0 to the scene's largest; no
-// noise, gusts, shelter, fields, ground, canopy, jiggle, collision, and an envelope of 1. (In those, response scales the
-// turn while a blade takes the share of the speed: the fit holds where the wind is whole.)
+// A groom with bend = "blade" is evaluated as it is, as blades, and with bend = "talk", as strands that
+// dials turn. The wind is steady and the same everywhere: the scene's direction and air, at speeds from 0
+// to the scene's largest; no noise, gusts, shelter, fields, ground, canopy, jiggle, collision, and an
+// envelope of 1. (In those, response scales the turn while a blade takes the share of the speed: the fit
+// holds where the wind is whole.)
 //
-// The fit (bend_fit.cpp) calls the bend with a strength over the strand, set as ramp_rotate at a response and a
-// global_rotate of 1, so the formula of the bend is not needed here. Its strengths over the speed become response and
-// global_rotate, its profile ramp_rotate. All errors of the fit are those of the lines that are printed, evaluated once
-// more, at the fitted speeds and between them.
+// The fit (bend_fit.cpp) calls the bend with a strength over the strand, set as ramp_rotate at a response
+// and a global_rotate of 1, so the formula of the bend is not needed here. Its strengths over the speed
+// become response and global_rotate, its profile ramp_rotate. All errors of the fit are those of the lines
+// that are printed, evaluated once more, at the fitted speeds and between them.
 //
-// LIMITS. One response and one ramp serve all strands of a groom. A blade's turn depends also on its length (by its
-// cube), its width and its angle to the wind; strands of the talk all turn by the same shares of their angles. A blade
-// of weight is held up or pulled down, and one with sags = true differs from its groomed shape in still air; the talk
-// knows neither. A strand that points against the wind is turned over by the talk at any speed, and bent little as a
-// blade in a weak one.
+// LIMITS. One response and one ramp serve all strands of a groom. A blade's turn depends also on its length
+// (by its cube), its width and its angle to the wind; strands of the talk all turn by the same shares of
+// their angles. A blade of weight is held up or pulled down, and one with sags = true differs from its
+// groomed shape in still air; the talk knows neither. A strand that points against the wind is turned over
+// by the talk at any speed, and bent little as a blade in a weak one.
 #include "core/measure/bend.h"
 
 #include "core/measure/bend_trial.h"
@@ -71,8 +72,8 @@ struct BendDials { // in TOML
     std::string response, global_rotate, ramp_rotate;
 };
 
-// Changes that leave a groom a steady wind and the dials that turn it; the whole tables are set, so that nothing of the
-// scene's stays in them.
+// Changes that leave a groom a steady wind and the dials that turn it; the whole tables are set, so that
+// nothing of the scene's stays in them.
 class SteadyWind {
   public:
     SteadyWind(const Shot& shot, const std::string& groom, double frame)
@@ -145,8 +146,8 @@ std::vector<Vec2d> at_profile_knots(const std::vector<double>& values) {
     return knots;
 }
 
-// Strengths and profile as dials, each in its range: response ends at 1, and so does the profile if global_rotate can
-// hold the rest.
+// Strengths and profile as dials, each in its range: response ends at 1, and so does the profile if
+// global_rotate can hold the rest.
 BendDials dials_of_fit(const BendFit& fit, const std::vector<double>& speeds) {
     constexpr double negligible = 0.005; // of the response
     const double strongest = fit.strengths.back();

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Strands turned by dials against the same strands bent as blades: how far apart they are over the wind's speed, and
-// the dials that bring them closest. See bend.cpp for what is compared.
+// Strands turned by dials against the same strands bent as blades: how far apart they are over the wind's
+// speed, and the dials that bring them closest. See bend.cpp for what is compared.
 #pragma once
 
 #include "core/measure/bend_fit.h"
@@ -38,7 +38,8 @@ struct BendResult {
 // Share of the time that this takes, as Dial::weight.
 double bend_weight(const Shot& shot);
 
-// Adds the results of all grooms of blades to the measurement, or why there are none. `seconds`: what it may take.
+// Adds the results of all grooms of blades to the measurement, or why there are none. `seconds`: what it
+// may take.
 void measure_bend(const Shot& shot, const Session& session, double seconds, Measurement& measurement);
 
 // Degrees.

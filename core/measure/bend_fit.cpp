@@ -3,19 +3,19 @@
 //
 //     sum over j and segments k of  w_k |b_k(s_j m) - d_jk|^2
 //
-// with directions d to be met, and those that bend() gives, b(p), for strengths p at the knots. bend() is not known
-// here, only called: whatever turns strands by a factor along them can be fitted.
+// with directions d to be met, and those that bend() gives, b(p), for strengths p at the knots. bend() is
+// not known here, only called: whatever turns strands by a factor along them can be fitted.
 //
-// Levenberg-Marquardt. At each speed p = s_j m, so one Jacobian D_j = db/dp serves both unknowns. With G_j = D_j^T W D_j
-// and g_j = D_j^T W (b - d), the normal equations are
+// Levenberg-Marquardt. At each speed p = s_j m, so one Jacobian D_j = db/dp serves both unknowns. With G_j
+// = D_j^T W D_j and g_j = D_j^T W (b - d), the normal equations are
 //
 //     [ m^T G_j m        s_j m^T G_j    ] [ds_j]     [ m^T g_j       ]
 //     [ s_j G_j m    sum_j s_j^2 G_j    ] [dm  ] = - [ sum_j s_j g_j ]
 //
-// D_j is a difference quotient, one call of bend() a knot. The scale that s and m share is left open by the equations;
-// damping keeps it, and m is scaled to a maximum of 1. After each step s is made to ascend by pooling neighbours that do
-// not (isotonic regression), m and s are cut off at 0. The search begins from a profile of 1 and, at each speed, the best
-// of a few strengths: residuals are smooth from there on.
+// D_j is a difference quotient, one call of bend() a knot. The scale that s and m share is left open by the
+// equations; damping keeps it, and m is scaled to a maximum of 1. After each step s is made to ascend by
+// pooling neighbours that do not (isotonic regression), m and s are cut off at 0. The search begins from a
+// profile of 1 and, at each speed, the best of a few strengths: residuals are smooth from there on.
 #include "core/measure/bend_fit.h"
 
 #include <Eigen/Cholesky>

@@ -27,12 +27,13 @@ struct BendFit {
     int steps = 0;                 // that lowered it
 };
 
-// Minimises the squared distance of bend(strength of a speed * profile) from the directions at that speed. See
-// bend_fit.cpp for the method. `enough`: asked before each step, ends the search. Cost: a call of bend() for each
-// speed and knot, for each step.
+// Minimises the squared distance of bend(strength of a speed * profile) from the directions at that speed.
+// See bend_fit.cpp for the method. `enough`: asked before each step, ends the search. Cost: a call of
+// bend() for each speed and knot, for each step.
 BendFit fit_bend(const BendTargets& targets, const Bend& bend, const std::function<bool()>& enough);
 
-// The knots (position, value) of a piecewise linear curve that are needed to keep it within `tolerance` of its values.
+// The knots (position, value) of a piecewise linear curve that are needed to keep it within `tolerance` of
+// its values.
 std::vector<Vec2d> fewer_knots(const std::vector<Vec2d>& knots, double tolerance);
 
 } // namespace marram

@@ -14,13 +14,14 @@ namespace marram {
 
 class BendTrial {
   public:
-    // Loads the scene of the request with `changes`. groom: its name in the file; a list of meshes makes several of one
-    // name. `stop` cancels, and must outlive this. Throws InputError and Cancelled.
+    // Loads the scene of the request with `changes`. groom: its name in the file; a list of meshes makes
+    // several of one name. `stop` cancels, and must outlive this. Throws InputError and Cancelled.
     BendTrial(const MeasureRequest& request, double frame, const std::vector<std::string>& changes,
               std::string groom, const std::atomic<bool>& stop);
 
-    // The directions of the segments after the stages up to the bend, if the groom has these changes, too. Only the groom
-    // takes them and the scene's wind: what it grows on stays as it is. Throws InputError and Cancelled.
+    // The directions of the segments after the stages up to the bend, if the groom has these changes, too.
+    // Only the groom takes them and the scene's wind: what it grows on stays as it is. Throws InputError
+    // and Cancelled.
     Directions bent(const std::vector<std::string>& changes);
 
     // Of the last directions.

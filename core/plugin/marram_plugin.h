@@ -367,6 +367,12 @@ typedef struct MarramFrame { /* valid from begin until the frame's last call, re
     MarramStatus (*instance_transform)(void* pose_user, uint32_t mesh, double frame, double* matrix);
     double shot_first,
         shot_last; /* frames of the shot; equal: not known. For messages only, never for the output */
+    /*
+     * Of a preview: about this share of the curves is enough, 0 ... 1; 0: all. A curve that is made is the
+     * same as in a frame of all, and a larger share makes the same curves and more. A procedural may ignore
+     * it; one that does not sets MarramOutput.all_curves.
+     */
+    double share;
 } MarramFrame;
 
 /* The camera, for making render meshes only. Interpolate linearly between samples. */
@@ -412,6 +418,7 @@ typedef struct MarramOutput { /* the host sets size, and all other fields to zer
      * same digest are equal to the bit, including attributes and grids, so the host may keep the output and
      * skip the call. 0: always call. */
     uint64_t digest;
+    uint64_t all_curves; /* curves without MarramFrame.share; 0: curve_count */
 } MarramOutput;
 
 typedef struct MarramPatch {

@@ -121,14 +121,13 @@ void check_keys(const Item& item, const std::function<void(const Item&)>& check)
 }
 
 // Resolves the materials that blends name. Throws InputError for a blend that contains itself.
-void resolve_blends(Shot& shot) {
-    const std::vector<Item>& items = shot.description.materials;
+void resolve_blends(const std::vector<Item>& items, std::vector<Material>& materials) {
     for (size_t i = 0; i < items.size(); ++i)
-        if (auto* blend = std::get_if<BlendSettings>(&shot.materials[i].settings))
+        if (auto* blend = std::get_if<BlendSettings>(&materials[i].settings))
             for (int part = 0; part < 2; ++part) blend->materials[part] = index_of(items, blend->names[part]);
     std::vector<char> open(items.size(), false), done(items.size(), false);
     const std::function<void(size_t)> visit = [&](size_t i) {
-        const auto* blend = std::get_if<BlendSettings>(&shot.materials[i].settings);
+        const auto* blend = std::get_if<BlendSettings>(&materials[i].settings);
         if (!blend || done[i]) return;
         if (open[i])
             throw InputError(items[i].place,
@@ -241,7 +240,7 @@ void set_keyed_materials(Shot& shot, double frame) {
     for (size_t i = 0; i < items.size(); ++i)
         if (is_keyed(items[i]))
             shot.materials[i] = make_material(items[i].type, values_at(items[i].params, frame), open_texture);
-    resolve_blends(shot);
+    resolve_blends(items, shot.materials);
 }
 
 bool has_shadow_catcher(const Shot& shot) {
@@ -334,7 +333,7 @@ Shot load_shot(const std::string& file, const Overrides& overrides, const std::a
                        [](const Item& at_key) { make_material(at_key.type, at_key.params, open_texture); });
         });
     if (shot.materials.size() == description.materials.size())
-        collect_problems([&] { resolve_blends(shot); });
+        collect_problems([&] { resolve_blends(description.materials, shot.materials); });
     for (const Item& item : description.lights)
         collect_problems([&] {
             shot.light_parts.push_back(make_light(item, shot.light_warnings));
@@ -381,6 +380,96 @@ Shot load_shot(const std::string& file, const Overrides& overrides, const std::a
                         "to the background: add seen_by_camera = false to the lights",
                         file));
     return shot;
+}
+
+namespace {
+
+// Whether two sets of values are the same, wherever they stand in the file.
+bool same_values(const ParamSet& a, const ParamSet& b) {
+    const auto same = [](const ParamValue& x, const ParamValue& y) {
+        return x.name == y.name && x.numbers == y.numbers && x.text == y.text && x.texts == y.texts &&
+               x.keys == y.keys;
+    };
+    return std::ranges::equal(a.all(), b.all(), same);
+}
+
+bool same_kinds(const std::vector<Item>& a, const std::vector<Item>& b) {
+    return std::ranges::equal(a, b, [](const Item& x, const Item& y) {
+        return x.name == y.name && x.type == y.type && x.table_name == y.table_name;
+    });
+}
+
+bool same_items(const std::vector<Item>& a, const std::vector<Item>& b) {
+    return same_kinds(a, b) && std::ranges::equal(a, b, [](const Item& x, const Item& y) {
+               return same_values(x.params, y.params);
+           });
+}
+
+// Whether the objects that load_shot() makes once are the same for both.
+bool same_objects(const SceneDescription& a, const SceneDescription& b) {
+    const auto library = [](const Item& item) {
+        return item.params.has("library") ? item.params.text("library") : std::string();
+    };
+    const auto mesh_light = [](const Item& item) {
+        return item.type == "mesh" ? item.params.text("mesh") : std::string();
+    };
+    return same_items(a.meshes, b.meshes) && same_items(a.curves, b.curves) &&
+           same_kinds(a.materials, b.materials) && same_kinds(a.lights, b.lights) &&
+           same_kinds(a.procedurals, b.procedurals) &&
+           std::ranges::equal(a.procedurals, b.procedurals, {}, library, library) &&
+           std::ranges::equal(a.lights, b.lights, {}, mesh_light, mesh_light) &&
+           (a.curves.empty() || a.globals.number("fps") == b.globals.number("fps"));
+}
+
+} // namespace
+
+bool update_shot(Shot& shot, SceneDescription changed) {
+    const SceneDescription& before = shot.description;
+    if (!same_objects(before, changed)) return false;
+    Shot now; // lights and materials
+    ProblemCollector collect_problems;
+    for (size_t i = 0; i < changed.materials.size(); ++i)
+        collect_problems([&] {
+            const Item& item = changed.materials[i];
+            const bool same = same_values(item.params, before.materials[i].params);
+            now.materials.push_back(same ? shot.materials[i]
+                                         : make_material(item.type, item.params, open_texture));
+            if (!same)
+                check_keys(item, [](const Item& at) { make_material(at.type, at.params, open_texture); });
+        });
+    for (size_t i = 0; i < changed.lights.size(); ++i)
+        collect_problems([&] {
+            const Item& item = changed.lights[i];
+            const bool same = same_values(item.params, before.lights[i].params);
+            now.light_parts.push_back(same ? shot.light_parts[i] : make_light(item, now.light_warnings));
+            if (!same) check_keys(item, [&](const Item& at) { make_light(at, now.light_warnings); });
+        });
+    collect_problems([&] { camera_at(changed, changed.globals.vec2("frames").x()); });
+    collect_problems.raise();
+    resolve_blends(changed.materials, now.materials);
+    std::swap(now.description, shot.description);
+    shot.description = std::move(changed);
+    GeometryChanges changes;
+    try {
+        update_procedurals(shot.geometry.procedurals, shot.description.procedurals, shot.description.wind,
+                           changes);
+    } catch (...) {
+        std::swap(now.description, shot.description);
+        GeometryChanges back;
+        update_procedurals(shot.geometry.procedurals, shot.description.procedurals, shot.description.wind,
+                           back);
+        throw;
+    }
+    for (size_t i = 0; i < shot.description.procedurals.size(); ++i) {
+        Procedural& procedural = *shot.geometry.procedurals[i];
+        procedural.material = material_of(shot.description, shot.description.procedurals[i]);
+        std::ranges::move(procedural.take_file_warnings(), std::back_inserter(shot.warnings));
+    }
+    shot.materials = std::move(now.materials);
+    if (shot.light_parts.empty()) return true; // a plain sky stands in
+    shot.light_parts = std::move(now.light_parts);
+    gather_lights(shot);
+    return true;
 }
 
 void set_frame(Shot& shot, double frame) {

@@ -60,6 +60,13 @@ struct Overrides {
 // all mistakes found.
 Shot load_shot(const std::string& file, const Overrides& overrides, const std::atomic<bool>& cancel);
 
+// Takes other values of the scene, such as those of changed settings, into an open shot. `changed`: of the
+// same file, by describe_scene() with shot.plugins. What the change does not touch is kept; procedurals are
+// updated (MarramProcedural::update). False, and the shot is as before, if only load_shot() can take it:
+// items came, went or have another type, or a mesh or curves changed. Throws InputError with the mistakes;
+// the shot is then as before.
+bool update_shot(Shot& shot, SceneDescription changed);
+
 // To be called before the world of a frame is built: lights and materials with keys become those of the
 // frame; strands that change in number, too, and procedurals that use them are told. Throws InputError if
 // one of these rejects them.

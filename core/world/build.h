@@ -56,7 +56,8 @@ struct BuildSettings {
     View view;
     std::optional<CameraSamples> camera; // none: growth surfaces are rendered
     std::vector<std::string> attributes; // of curves, by name; ignored if a procedural does not have them
-    bool trace_curves = true;            // false: curves are made but not traced (baking)
+    double share = 0.0; // of a preview: about this share of the curves, 0 ... 1; 0: all (MarramFrame.share)
+    bool trace_curves = true; // false: curves are made but not traced (baking)
     // Straight pieces per segment; 0: trace the cubic; -1: the tolerance chooses (curve_pieces.h).
     int curve_pieces = -1;
     std::string state_folder; // for the states of simulations; "": keep them in memory for this run

@@ -104,6 +104,7 @@ void allocate(Build& build, CurveBuild& item) {
     curves.basis = output.basis;
     curves.shape = output.shape;
     curves.curve_count = count;
+    curves.all_curves = std::max<uint64_t>(output.all_curves, count);
     curves.cvs_per_curve = output.offsets ? 0 : output.cvs_per_curve;
     if (output.offsets) {
         curves.offsets.assign(output.offsets, output.offsets + count + 1);

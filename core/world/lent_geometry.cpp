@@ -57,6 +57,9 @@ LentGeometry::LentGeometry(Build& build, Procedural& to, std::vector<double> tim
     for (const uint32_t id : ids) lend_mesh(id);
     for (const GeometryName& name : to.curves()) lend_curves(name.name);
     frame_ = plain_frame(build, times_);
+    // What others read is made whole.
+    const auto reads_it = [&](const auto& other) { return other->names(to.name()); };
+    if (std::ranges::none_of(build.geometry.procedurals, reads_it)) frame_.share = build.settings.share;
     frame_.colliders = collider_scene(build, ids);
     frame_.meshes = meshes_.data();
     frame_.mesh_count = uint32_t(meshes_.size());

@@ -63,6 +63,7 @@
 #include "procedural/abi/border.h"
 #include "procedural/erosion/rock_instance.h"
 #include "procedural/erosion/rock_values.h"
+#include "procedural/wind/field/placed_field.h"
 
 #include <fmt/format.h>
 

@@ -65,7 +65,7 @@ struct StrandInstance : Instance {
     std::deque<JiggleState> guide_states; // [batch of guides]
     double kept_cvs = 0.0;                // in these, with unused lanes
     std::optional<StepChoice> step_choice;
-    uint64_t instances_digest = 0;    // of mesh_instances: which, and where at bind_frame
+    uint64_t instances_digest = 0;    // of mesh_instances: which, and where at bind_frame; and of frame.share
     PastSettings past_settings;       // that jiggle_states, guide_states and `past` were made with
     std::optional<double> last_frame; // rendered with these values, if any
     GustStart gust_start;

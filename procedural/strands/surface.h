@@ -33,7 +33,8 @@ enum class Purpose : uint32_t {
     width,
     id,
     clump,
-    reach
+    reach,
+    share
 };
 
 inline uint64_t root_hash(uint32_t seed, Root root, Purpose purpose) {

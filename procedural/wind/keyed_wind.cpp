@@ -144,8 +144,8 @@ void check_ramp(const Values& values, const std::string& name, const Keyframes& 
                 "start the ramp of each key with the knot [0, 0]");
 }
 
-// A response that no key exceeds, nor any ramp between two of them: the largest at each knot, or where knots move, the
-// largest of all from the lowest speed on that any has.
+// A response that no key exceeds, nor any ramp between two of them: the largest at each knot, or where
+// knots move, the largest of all from the lowest speed on that any has.
 void take_strongest_response(const Keyframes& ramps, std::string_view interpolation, Wind& wind) {
     std::vector<double> knots(ramps.key(0).begin(), ramps.key(0).end());
     bool moves = false;

@@ -29,9 +29,10 @@ struct KeyedWind {
     AirPath evolution;     // x: cells of noise a second, integrated likewise; y and z are 0
 };
 
-// Sets wind.keys if values have keys, and the numbers of `wind` that have them: response to one that it never exceeds,
-// speed to that with the largest response, jiggle to the key with the longest memory, direction to the first, others to
-// the largest number. Of a wind that bends blades, response and global_rotate stay. Throws SceneFault.
+// Sets wind.keys if values have keys, and the numbers of `wind` that have them: response to one that it
+// never exceeds, speed to that with the largest response, jiggle to the key with the longest memory,
+// direction to the first, others to the largest number. Of a wind that bends blades, response and
+// global_rotate stay. Throws SceneFault.
 void read_keys(const Values& values, Wind& wind);
 
 // The path that gusts take, of the keys if the wind has any.

@@ -35,7 +35,7 @@ set(plugin ${prefix}/lib/marram/libmarram_procedural.so)
 # No installed file contains a path of this machine. The program finds the image library next to the plug-in; all others are system libraries.
 run(1 COMMAND grep -rlF -e ${BUILD} -e ${SOURCE} ${prefix})
 foreach(binary ${program} ${plugin} ${prefix}/lib/marram/libmarram_rock.so ${prefix}/lib/marram/libmarram_level_set.so
-               ${prefix}/lib/marram/libmarram_images.so ${prefix}/lib/libmarram_host.so)
+               ${prefix}/lib/marram/libmarram_view.so ${prefix}/lib/marram/libmarram_images.so ${prefix}/lib/libmarram_host.so)
   run(0 COMMAND readelf -d ${binary})
   string(REGEX MATCHALL "R(UN)?PATH[^\n]*" paths "${out}")
   if(paths AND NOT (binary STREQUAL program AND paths MATCHES "^RUNPATH\\) +Library runpath: .\\$ORIGIN/../lib/marram.$")

@@ -347,6 +347,24 @@ void place_strands(GroomInstance& instance) {
 
 // ---- A frame
 
+namespace {
+
+// The roots of the frame's share: they depend on the hash of each alone.
+void choose_roots(GroomInstance& instance) {
+    instance.share = instance.frame.share > 0.0 && instance.frame.share < 1.0 ? instance.frame.share : 1.0;
+    instance.chosen_roots.clear();
+    instance.chosen_blends.clear();
+    if (instance.share == 1.0) return;
+    for (size_t i = 0; i < instance.roots.size(); ++i) {
+        const Root root = instance.roots[i];
+        if (unit_double(root_hash(instance.groom.seed, root, Purpose::share)) >= instance.share) continue;
+        instance.chosen_roots.push_back(root);
+        if (!instance.blends.empty()) instance.chosen_blends.push_back(instance.blends[i]);
+    }
+}
+
+} // namespace
+
 void GroomInstance::lay_out() {
     find_mesh(*this);
     prepare_images(*this);
@@ -375,6 +393,7 @@ void GroomInstance::lay_out() {
         attributes_digest = digest.value();
     }
     mesh_instances = find_mesh_instances(frame, *mesh);
+    choose_roots(*this);
     if (guides) groom.length = {0.0, guides->longest_child()};
     find_canopy(*this);
 }
@@ -406,7 +425,7 @@ void GroomInstance::choose_cvs() {
 
 LongWork GroomInstance::work() const {
     LongWork amount;
-    amount.cvs = double(roots.size() * mesh_instances.size()) * groom.cvs;
+    amount.cvs = double(made_roots().size() * mesh_instances.size()) * groom.cvs;
     amount.cvs_per_strand = groom.cvs;
     amount.remedy = "ask for fewer strands or CVs, a larger tolerance, or stronger jiggle.damping";
     return amount;
@@ -430,7 +449,8 @@ void GroomInstance::finish_frame() {
 MarramOutput GroomInstance::output() {
     MarramOutput output{};
     output.kind = MARRAM_CURVES;
-    output.curve_count = mesh_instances.size() * roots.size();
+    output.curve_count = mesh_instances.size() * made_roots().size();
+    output.all_curves = mesh_instances.size() * roots.size();
     output.cvs_per_curve = uint32_t(groom.cvs);
     output.patch_count = patch_count();
     output.time_count = time_count;
@@ -505,7 +525,7 @@ void GroomInstance::report_own(const ReportSink& sink) const {
 
 // The candidates of placing are freed before the rest is allocated.
 StrandInstance::Bytes GroomInstance::bytes() const {
-    return {roots.capacity() * sizeof(Root) + bind_positions.capacity() * 4 +
+    return {(roots.capacity() + chosen_roots.capacity()) * sizeof(Root) + bind_positions.capacity() * 4 +
                 blends.capacity() * sizeof(GuideBlend) + (guides ? guides->bytes() : 0) +
                 (canopy ? canopy->bytes() : 0),
             0, placing_peak_bytes};

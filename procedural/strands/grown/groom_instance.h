@@ -50,7 +50,12 @@ struct GroomInstance : StrandInstance {
     std::shared_ptr<const GuideSet> guides; // nullptr: none
     std::vector<GuideBlend> blends;         // [root], if there are guides
     uint64_t covered_roots = 0;             // left out, see covered_roots.h
-    std::vector<float> bind_normals;        // if there are guides and the mesh has normals
+    // What a frame asks for by MarramFrame.share. Only strands that are made are fewer: what is chosen for
+    // the groom depends on all.
+    double share = 1.0;
+    std::vector<Root> chosen_roots;        // share < 1: those whose hash is below it, in order
+    std::vector<GuideBlend> chosen_blends; // [chosen root], if there are guides
+    std::vector<float> bind_normals;       // if there are guides and the mesh has normals
     GuideMotion guide_motion;
     std::shared_ptr<const Canopy> canopy; // of the strands, if groom.canopy
     bool placed = false;
@@ -88,20 +93,25 @@ struct GroomInstance : StrandInstance {
                            mesh->triangle_count,  attributes};
         return {bind, now};
     }
+    // The roots whose strands are made.
+    std::span<const Root> made_roots() const { return share < 1.0 ? chosen_roots : roots; }
     // The guides of `count` roots from `first` on; nullopt if there are none.
-    std::optional<Guided> guided(size_t first, size_t count) const {
+    std::optional<Guided> guided(size_t first, size_t count) const { return guided(blends, first, count); }
+    // The same of some of made_roots().
+    std::optional<Guided> guided(std::span<const Root> of) const {
+        return guided(share < 1.0 ? chosen_blends : blends, size_t(of.data() - made_roots().data()),
+                      of.size());
+    }
+    std::optional<Guided> guided(std::span<const GuideBlend> of, size_t first, size_t count) const {
         if (!guides) return std::nullopt;
         const Surface bind{bind_positions.data(), bind_normals.empty() ? nullptr : bind_normals.data(),
                            mesh->triangles,       mesh->uvs,
                            mesh->triangle_count,  {}};
-        return Guided{*guides, std::span(blends).subspan(first, count), bind};
-    }
-    std::optional<Guided> guided(std::span<const Root> of) const {
-        return guided(size_t(of.data() - roots.data()), of.size());
+        return Guided{*guides, of.subspan(first, count), bind};
     }
     uint32_t patches_per_instance() const {
         const auto size = uint64_t(strands_per_patch(groom.cvs));
-        return uint32_t((roots.size() + size - 1) / size);
+        return uint32_t((made_roots().size() + size - 1) / size);
     }
     uint32_t patch_count() const { return uint32_t(mesh_instances.size()) * patches_per_instance(); }
     // Patches are grouped by mesh instance.
@@ -109,8 +119,9 @@ struct GroomInstance : StrandInstance {
         const size_t index = patch / patches_per_instance(), within = patch % patches_per_instance();
         const auto size = size_t(strands_per_patch(groom.cvs));
         const size_t first = within * size;
-        return {mesh_instances[index], std::span(roots).subspan(first, std::min(size, roots.size() - first)),
-                index * roots.size() + first};
+        const std::span<const Root> made = made_roots();
+        return {mesh_instances[index], made.subspan(first, std::min(size, made.size() - first)),
+                index * made.size() + first};
     }
 
   protected:

@@ -28,9 +28,10 @@
 //
 // The rigidity is one of: stiffness, EI; or modulus E, and EI = E width thickness^3 / 12, or E pi width^4 /
 // 64 if round; or frequency, the first natural frequency of a strand of the groom's mean length, from which
-// EI follows with the mass. A species gives modulus, density, thickness and drag where they are not given; its sources
-// are in scenes/README.md. To add one: a row in blade.cpp, its name in the choices of blade.species, and what was read
-// about both its stiffness and its mass. If anything of jiggle is given but its frequency, that is the blade's.
+// EI follows with the mass. A species gives modulus, density, thickness and drag where they are not given;
+// its sources are in scenes/README.md. To add one: a row in blade.cpp, its name in the choices of
+// blade.species, and what was read about both its stiffness and its mass. If anything of jiggle is given
+// but its frequency, that is the blade's.
 //
 // Quasi-static: added mass, lift and the blade's own speed are left out (jiggle stands for inertia and
 // damping).

@@ -1,0 +1,235 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "core/view/inbox.h"
+
+#include <nlohmann/json.hpp>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+
+namespace marram {
+namespace {
+
+using nlohmann::json;
+
+constexpr size_t frames_waiting = 2;   // of a client
+constexpr size_t changes_waiting = 32; // of all
+constexpr uint32_t max_budget = 4'000'000;
+constexpr uint32_t max_side = 4096; // pixels
+constexpr double latest = 1e6;      // frame
+
+struct Malformed {};
+
+double number(const json& message, const char* name, double low, double high) {
+    const auto found = message.find(name);
+    if (found == message.end() || !found->is_number()) throw Malformed{};
+    const double value = found->get<double>();
+    if (!std::isfinite(value)) throw Malformed{};
+    return std::clamp(value, low, high);
+}
+
+Vec3d point(const json& message, const char* name) {
+    const auto found = message.find(name);
+    if (found == message.end() || !found->is_array() || found->size() != 3) throw Malformed{};
+    Vec3d value;
+    for (size_t i = 0; i < 3; ++i) {
+        if (!(*found)[i].is_number()) throw Malformed{};
+        value[int(i)] = (*found)[i].get<double>();
+        if (!(std::abs(value[int(i)]) < 1e9)) throw Malformed{};
+    }
+    return value;
+}
+
+uint64_t seq_of(const json& message) { return uint64_t(number(message, "seq", 0.0, 0x1p53)); }
+
+StrandsRequest strands_request(const json& message) {
+    StrandsRequest request;
+    request.seq = seq_of(message);
+    request.frame = number(message, "frame", -latest, latest);
+    request.budget = uint32_t(number(message, "budget", 1.0, max_budget));
+    request.floats = message.value("encoding", "u16") == "f32";
+    return request;
+}
+
+PictureRequest picture_request(const json& message) {
+    const json& camera = message.at("camera");
+    const json& size = message.at("size");
+    if (!size.is_array() || size.size() != 2 || !size[0].is_number() || !size[1].is_number())
+        throw Malformed{};
+    PictureRequest request;
+    request.seq = seq_of(message);
+    request.frame = number(message, "frame", -latest, latest);
+    request.position = point(camera, "position");
+    request.target = point(camera, "target");
+    request.up = point(camera, "up");
+    request.fov = number(camera, "fov", 0.1, 170.0);
+    request.width = uint32_t(std::clamp(size[0].get<double>(), 1.0, double(max_side)));
+    request.height = uint32_t(std::clamp(size[1].get<double>(), 1.0, double(max_side)));
+    request.layer = message.value("layer", "beauty");
+    request.exposure = number(message, "exposure", -50.0, 50.0);
+    request.samples = uint32_t(number(message, "samples", 1.0, 65536.0));
+    const Vec3d back = request.position - request.target; // look_at() needs two directions
+    if (!(back.cross(request.up).norm() > 1e-9 * back.norm() * request.up.norm())) throw Malformed{};
+    return request;
+}
+
+std::optional<ChangeRequest> change_request(const std::string& type, const json& message) {
+    using Kind = ChangeRequest::Kind;
+    static const std::pair<const char*, Kind> kinds[] = {{"set", Kind::set},   {"undo", Kind::undo},
+                                                         {"redo", Kind::redo}, {"reset", Kind::reset},
+                                                         {"save", Kind::save}, {"reload", Kind::reload}};
+    for (const auto& [name, kind] : kinds) {
+        if (type != name) continue;
+        ChangeRequest change{kind, "", {}};
+        if (kind == Kind::set) {
+            change.key = message.at("key").get<std::string>();
+            if (!message.at("value").is_null()) change.value = message.at("value").get<std::string>();
+        }
+        return change;
+    }
+    return {};
+}
+
+} // namespace
+
+void Inbox::arrived(bool is_change) {
+    fresh_ = true;
+    if (is_change || works_on_picture_) stop_work_ = true;
+    something_.notify_one();
+}
+
+void Inbox::join(ViewClient client) {
+    const std::lock_guard lock(mutex_);
+    clients_[client] = {};
+    arrived(false);
+}
+
+void Inbox::leave(ViewClient client) {
+    const std::lock_guard lock(mutex_);
+    clients_.erase(client);
+    left_.push_back(client);
+    arrived(false);
+}
+
+bool Inbox::take(ViewClient client, std::string_view text, std::vector<uint64_t>& skipped) {
+    const json message = json::parse(text, nullptr, false);
+    if (!message.is_object()) return true; // nothing that is understood
+    try {
+        const auto type = message.at("type").get<std::string>();
+        const std::lock_guard lock(mutex_);
+        const auto found = clients_.find(client);
+        if (found == clients_.end()) return false;
+        Client& from = found->second;
+        if (type == "frame") {
+            from.picture.reset(); // the page plays or has changed
+            from.frames.push_back(strands_request(message));
+            if (client == works_for_ && from.frames.back().budget < works_on_budget_) stop_work_ = true;
+            for (; from.frames.size() > frames_waiting; from.frames.pop_front())
+                skipped.push_back(from.frames.front().seq);
+            arrived(false);
+        } else if (type == "render") {
+            from.picture = picture_request(message);
+            arrived(false);
+        } else if (type == "stop") {
+            from.picture.reset();
+            arrived(false);
+        } else if (auto change = change_request(type, message)) {
+            const bool again = !changes_.empty() && change->kind == ChangeRequest::Kind::set &&
+                               changes_.back().kind == change->kind && changes_.back().key == change->key;
+            if (again) changes_.pop_back();
+            if (changes_.size() >= changes_waiting) return false;
+            changes_.push_back(*std::move(change));
+            arrived(true);
+        }
+    } catch (const json::exception&) { // not of the protocol
+    } catch (const Malformed&) {
+    }
+    return true;
+}
+
+void Inbox::wait(double seconds) {
+    std::unique_lock lock(mutex_);
+    something_.wait_for(lock, std::chrono::duration<double>(seconds), [&] { return fresh_ || ended_; });
+    fresh_ = false;
+}
+
+std::vector<ViewClient> Inbox::take_new_clients() {
+    const std::lock_guard lock(mutex_);
+    std::vector<ViewClient> list;
+    for (auto& [client, state] : clients_)
+        if (std::exchange(state.is_new, false)) list.push_back(client);
+    return list;
+}
+
+std::vector<ViewClient> Inbox::take_left_clients() {
+    const std::lock_guard lock(mutex_);
+    return std::exchange(left_, {});
+}
+
+std::vector<ChangeRequest> Inbox::take_changes() {
+    const std::lock_guard lock(mutex_);
+    std::vector<ChangeRequest> list(changes_.begin(), changes_.end());
+    changes_.clear();
+    return list;
+}
+
+std::optional<std::pair<ViewClient, StrandsRequest>> Inbox::take_frame() {
+    const std::lock_guard lock(mutex_);
+    const auto asks = [](const auto& entry) { return !entry.second.frames.empty(); };
+    auto found = std::find_if(clients_.upper_bound(last_served_), clients_.end(), asks);
+    if (found == clients_.end()) found = std::find_if(clients_.begin(), clients_.end(), asks);
+    if (found == clients_.end()) return {};
+    last_served_ = found->first;
+    const StrandsRequest request = found->second.frames.front();
+    found->second.frames.pop_front();
+    return std::pair(found->first, request);
+}
+
+std::optional<std::pair<ViewClient, PictureRequest>> Inbox::picture() {
+    const std::lock_guard lock(mutex_);
+    for (const auto& [client, state] : clients_)
+        if (state.picture) return std::pair(client, *state.picture);
+    return {};
+}
+
+void Inbox::end_picture(ViewClient client, uint64_t seq) {
+    const std::lock_guard lock(mutex_);
+    const auto found = clients_.find(client);
+    if (found != clients_.end() && found->second.picture && found->second.picture->seq == seq)
+        found->second.picture.reset();
+}
+
+void Inbox::end_pictures() {
+    const std::lock_guard lock(mutex_);
+    for (auto& [client, state] : clients_) state.picture.reset();
+}
+
+void Inbox::begin_work(bool is_picture) { begin(is_picture, 0, 0); }
+
+void Inbox::begin_frame(ViewClient client, uint32_t budget) { begin(false, client, budget); }
+
+void Inbox::begin(bool is_picture, ViewClient client, uint32_t budget) {
+    const std::lock_guard lock(mutex_);
+    works_on_picture_ = is_picture;
+    works_for_ = client;
+    works_on_budget_ = budget;
+    const bool frames =
+        std::ranges::any_of(clients_, [](const auto& entry) { return !entry.second.frames.empty(); });
+    stop_work_ = ended_ || !changes_.empty() || (is_picture && frames);
+}
+
+std::vector<ViewClient> Inbox::clients() {
+    const std::lock_guard lock(mutex_);
+    std::vector<ViewClient> list;
+    for (const auto& [client, state] : clients_) list.push_back(client);
+    return list;
+}
+
+void Inbox::end_all() {
+    const std::lock_guard lock(mutex_);
+    ended_ = true;
+    stop_work_ = true;
+    something_.notify_one();
+}
+
+} // namespace marram

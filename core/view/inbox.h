@@ -1,0 +1,97 @@
+// SPDX-License-Identifier: Apache-2.0
+// What pages ask for, until the view has time for it. Nothing queues up: of a page's frames the newest two
+// wait, of its pictures the newest, and of changes of one value the newest.
+#pragma once
+
+#include "core/math/vec.h"
+#include "core/view/server_library.h"
+
+#include <array>
+#include <atomic>
+#include <condition_variable>
+#include <deque>
+#include <map>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+namespace marram {
+
+struct StrandsRequest {
+    uint64_t seq = 0;
+    double frame = 1.0;
+    uint32_t budget = 20000; // strands
+    bool floats = false;     // else 16 bits
+};
+
+struct PictureRequest {
+    uint64_t seq = 0;
+    double frame = 1.0;
+    Vec3d position = Vec3d::Zero(), target = -Vec3d::UnitZ(), up = Vec3d::UnitY();
+    double fov = 40.0; // degrees, vertical
+    uint32_t width = 480, height = 270;
+    std::string layer = "beauty";
+    double exposure = 0.0; // stops
+    uint32_t samples = 64;
+};
+
+// What a page wants changed, for all pages.
+struct ChangeRequest {
+    enum class Kind { set, undo, redo, reset, save, reload } kind = Kind::set;
+    std::string key;
+    std::optional<std::string> value{}; // of set; none: the file's value
+};
+
+class Inbox {
+  public:
+    // Called from the server's thread.
+    void join(ViewClient client);
+    void leave(ViewClient client);
+    // Frame requests that are given up are added to `skipped`. False: the client is to be disconnected.
+    bool take(ViewClient client, std::string_view message, std::vector<uint64_t>& skipped);
+
+    // Called by the view. What is taken is no longer there.
+    void wait(double seconds); // until there is something, or the time is over
+    std::vector<ViewClient> take_new_clients();
+    std::vector<ViewClient> take_left_clients();
+    std::vector<ChangeRequest> take_changes();
+    std::optional<std::pair<ViewClient, StrandsRequest>> take_frame(); // of the clients in turn
+    // The picture to work on, of the first client that wants one. Stays until it is replaced or ended; a
+    // client's next frame ends it, too.
+    std::optional<std::pair<ViewClient, PictureRequest>> picture();
+    void end_picture(ViewClient client, uint64_t seq);
+    void end_pictures(); // all: their scene has changed
+
+    // Set when something arrives that the present work should stop for. A change stops any work; another
+    // frame or picture stops a picture; a frame of fewer strands one of more, of the same client.
+    void begin_work(bool is_picture);
+    void begin_frame(ViewClient client, uint32_t budget);
+    const std::atomic<bool>& stop_work() const { return stop_work_; }
+    std::vector<ViewClient> clients(); // that are connected
+    void end_all();                    // stops the present work, and wait() returns at once from now on
+
+  private:
+    struct Client {
+        bool is_new = true;
+        std::deque<StrandsRequest> frames;
+        std::optional<PictureRequest> picture;
+    };
+    void arrived(bool is_change);
+    void begin(bool is_picture, ViewClient client, uint32_t budget);
+
+    std::mutex mutex_;
+    std::condition_variable something_;
+    std::map<ViewClient, Client> clients_;
+    std::vector<ViewClient> left_;
+    std::deque<ChangeRequest> changes_;
+    ViewClient last_served_ = 0;
+    ViewClient works_for_ = 0; // of a frame
+    uint32_t works_on_budget_ = 0;
+    bool fresh_ = false, works_on_picture_ = false, ended_ = false;
+    std::atomic<bool> stop_work_{false};
+};
+
+} // namespace marram

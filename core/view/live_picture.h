@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: Apache-2.0
+// The path tracer's picture for a page, from the page's camera: coarse first, refining.
+#pragma once
+
+#include "core/geometry/world.h"
+#include "core/render/integrator.h"
+#include "core/shot/shot.h"
+#include "core/view/inbox.h"
+#include "core/view/wire.h"
+#include "core/world/build.h"
+
+#include <functional>
+#include <optional>
+
+namespace marram {
+
+class LivePicture {
+  public:
+    LivePicture(ViewClient client, const PictureRequest& request);
+
+    ViewClient client() const { return client_; }
+    const PictureRequest& request() const { return request_; }
+
+    // Builds the world if there is none, and adds samples until the picture is done or `stop` is set;
+    // `show` is called between passes. True: done. Work that was stopped can go on later with the same
+    // bits. Throws InputError and Cancelled.
+    bool work(Shot& shot, KeptGeometry kept, const std::atomic<bool>& stop, BuildProgress& progress,
+              const std::function<void()>& show);
+
+    WireMessage message() const;  // "image": RGBA, 8 bits, of the samples so far
+    double seconds() const;       // since it was asked for
+    uint32_t samples() const;     // taken, of each pixel
+    KeptGeometry take_geometry(); // frees the world; the samples stay
+
+  private:
+    void build(Shot& shot, KeptGeometry kept, const std::atomic<bool>& stop, BuildProgress& progress);
+
+    ViewClient client_;
+    PictureRequest request_;
+    double begin_;
+    std::optional<World> world_;
+    std::optional<Film> film_;
+    Camera camera_;
+    RenderSettings settings_;
+};
+
+} // namespace marram

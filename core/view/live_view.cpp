@@ -1,0 +1,417 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "core/view/live_view.h"
+
+#include "core/math/clock.h"
+#include "core/math/own_library.h"
+#include "core/scene/keyed_values.h"
+#include "core/shot/settings.h"
+#include "core/view/looks.h"
+
+#include <fmt/format.h>
+#include <tbb/task_arena.h>
+
+#include <algorithm>
+#include <chrono>
+#include <filesystem>
+#include <functional>
+#include <random>
+#include <thread>
+#include <utility>
+
+namespace marram {
+namespace {
+
+using nlohmann::json;
+
+constexpr double look_at_files = 0.25;         // s between looks at the scene's files
+constexpr size_t max_mesh_triangles = 200'000; // of a mesh on a page
+constexpr size_t max_unsent = size_t(1)
+                              << 20; // bytes that may wait before another state of a picture is sent
+
+const ViewLibrary& library() {
+    const char* const file = "libmarram_view.so";
+    try {
+        static const auto& loaded =
+            load_own_library<ViewLibrary>(file, "marram_view_library", MARRAM_VERSION);
+        return loaded;
+    } catch (const std::runtime_error& error) {
+        throw InputError({file},
+                         std::string("the library of the live view cannot be loaded (") + error.what() + ")",
+                         "build it with scenes/setup marram_view, or install Marram again");
+    }
+}
+
+std::string new_token() {
+    std::random_device random; // the system's
+    std::string token;
+    for (int i = 0; i < 4; ++i) token += fmt::format("{:08x}", random());
+    return token;
+}
+
+std::shared_ptr<const std::string> text_of(const json& message) {
+    return std::make_shared<std::string>(message.dump(-1, ' ', false, json::error_handler_t::replace));
+}
+
+// Strands as `marram bake` writes them: without motion, not traced, on growth surfaces.
+BuildSettings settings_to_play(const Shot& shot, double frame, double share) {
+    BuildSettings settings = build_settings(shot, frame);
+    settings.share = share;
+    settings.shutter_open = settings.shutter_close = 0.0;
+    settings.trace_curves = false;
+    settings.attributes = {"id"};
+    return settings;
+}
+
+} // namespace
+
+LiveView::LiveView(ViewSettings settings)
+    : settings_(std::move(settings)), token_(new_token()),
+      scene_(settings_.scene, settings_.overrides, inbox_.stop_work()), problems_(problems_message({})) {
+    ViewEvents events;
+    events.joined = [this](ViewClient client) { inbox_.join(client); };
+    events.left = [this](ViewClient client) { inbox_.leave(client); };
+    events.message = [this](ViewClient client, const std::string& message) {
+        std::vector<uint64_t> skipped;
+        const bool good = inbox_.take(client, message, skipped);
+        for (const uint64_t seq : skipped)
+            server_->send(client, text_of({{"type", "skipped"}, {"seq", seq}}), false);
+        return good;
+    };
+    const ViewLibrary& found = library();
+    try {
+        server_ = found.start(settings_.port, token_, std::move(events));
+    } catch (const std::runtime_error& error) {
+        throw InputError({fmt::format("--port {}", settings_.port)},
+                         std::string("cannot be listened to: ") + error.what(),
+                         "choose another, or leave it out");
+    }
+}
+
+LiveView::~LiveView() = default;
+
+std::string LiveView::address() const {
+    return fmt::format("http://127.0.0.1:{}/{}/", server_->port(), token_);
+}
+
+void LiveView::end() {
+    ended_ = true;
+    inbox_.end_all();
+}
+
+void LiveView::tell(ViewClient client, const json& message) {
+    server_->send(client, text_of(message), false);
+}
+
+void LiveView::tell_all(const json& message) {
+    const auto bytes = text_of(message);
+    for (const auto& [client, page] : pages_) server_->send(client, bytes, false);
+}
+
+bool LiveView::attempt(std::vector<Problem>& problems, const std::function<void()>& work) {
+    const auto told = [&] {
+        std::vector<Problem> all = change_problems_;
+        all.insert(all.end(), frame_problems_.begin(), frame_problems_.end());
+        return problems_message(all);
+    };
+    const json before = told();
+    std::vector<Problem> found;
+    try {
+        work();
+    } catch (const InputError& error) {
+        found = error.problems;
+    } catch (const Cancelled&) {
+        return false;
+    } catch (const std::exception& error) {
+        Problem& problem = found.emplace_back();
+        problem.place.file = settings_.scene;
+        problem.what = error.what();
+        problem.fix = "change the scene, or report it as a defect";
+    }
+    problems = std::move(found);
+    problems_ = told();
+    if (problems_ != before) tell_all(problems_);
+    return problems.empty();
+}
+
+// The bounds of what a page shows, and the warnings of a frame.
+void LiveView::look_at_first_frame() {
+    Shot& shot = *scene_.shot();
+    const double first = shot.description.globals.vec2("frames").x();
+    set_frame(shot, first);
+    BuildStats stats;
+    constexpr double some = 1e-3; // of the strands
+    World world = build_world(shot.geometry, settings_to_play(shot, first, some), inbox_.stop_work(),
+                              progress_, stats, std::exchange(kept_, {}));
+    Box3f strands;
+    for (const Box3f& box : stats.patch_bounds) strands.extend(box);
+    const Box3f& box = strands.isEmpty() ? world.bounds : strands;
+    bounds_ =
+        box.isEmpty() ? json(nullptr) : json{{"lower", json_of(box.min())}, {"upper", json_of(box.max())}};
+    build_warnings_ = stats.warnings;
+    all_strands_ = all_strands(world);
+    kept_ = kept_geometry(std::move(world));
+}
+
+json LiveView::scene_message() {
+    const Shot& shot = *scene_.shot();
+    const ParamSet& globals = shot.description.globals;
+    const Vec2d frames = globals.vec2("frames");
+    std::vector<std::string> warnings = shot.warnings;
+    for (const auto* more : {&shot.light_warnings, &std::as_const(build_warnings_)})
+        warnings.insert(warnings.end(), more->begin(), more->end());
+    std::vector<std::string> layers;
+    for (const BuiltInLayer& layer : built_in_layers()) layers.emplace_back(layer.name);
+    json changes = json::array();
+    for (const auto& [key, value] : scene_.changed()) changes.push_back(key + "=" + value);
+    return {{"type", "scene"},
+            {"revision", scene_.revision()},
+            {"file", std::filesystem::absolute(scene_.file()).string()},
+            {"fps", globals.number("fps")},
+            {"frames", {frames.x(), frames.y()}},
+            {"camera", camera_message(shot, frames.x())},
+            {"exposure", values_at(shot.description.film, frames.x()).number("exposure")},
+            {"light", light_of(shot)},
+            {"layers", layers},
+            {"bounds", bounds_},
+            {"groups", parameter_groups(shot, scene_.changed())},
+            {"changes", changes},
+            {"undo", scene_.can_undo()},
+            {"redo", scene_.can_redo()},
+            {"warnings", warnings}};
+}
+
+void LiveView::welcome(ViewClient client) {
+    pages_[client] = {};
+    if (scene_.shot()) tell(client, scene_message());
+    tell(client, problems_);
+}
+
+void LiveView::load() {
+    kept_ = {};
+    picture_.reset();
+    if (!attempt(change_problems_, [&] { scene_.load(); })) return;
+    attempt(frame_problems_, [&] { look_at_first_frame(); });
+    tell_all(scene_message());
+}
+
+void LiveView::change(const ChangeRequest& change) {
+    using Kind = ChangeRequest::Kind;
+    switch (change.kind) {
+    case Kind::set:
+        return scene_.set(change.key, change.value);
+    case Kind::undo:
+        return scene_.undo();
+    case Kind::redo:
+        return scene_.redo();
+    case Kind::reset:
+        return scene_.reset();
+    case Kind::reload:
+        return scene_.load();
+    case Kind::save:
+        scene_.save();
+        tell_all({{"type", "saved"}, {"file", scene_.file()}});
+        return;
+    }
+}
+
+void LiveView::handle(std::vector<ChangeRequest> changes) {
+    if (changes.empty()) return;
+    inbox_.end_pictures();
+    picture_.reset();
+    const uint64_t before = scene_.revision();
+    const Shot* const shot = scene_.shot();
+    for (const ChangeRequest& request : changes) attempt(change_problems_, [&] { change(request); });
+    if (scene_.revision() == before) return;
+    if (scene_.shot() != shot) { // loaded anew
+        kept_ = {};
+        attempt(frame_problems_, [&] { look_at_first_frame(); });
+    }
+    tell_all(scene_message());
+}
+
+void LiveView::send_meshes(ViewClient client, Page& page, const World& world, WireMessage& frame) {
+    const size_t count = world.meshes.size();
+    drawn_.resize(count);
+    std::vector<std::pair<uint64_t, uint64_t>> now(count);
+    bool same_meshes = page.meshes.size() == count && page.revision == scene_.revision();
+    for (size_t i = 0; i < count; ++i) {
+        const MeshGeometry& mesh = world.meshes[i];
+        now[i] = {topology_of(mesh), mesh.digest};
+        if (drawn_[i].topology != now[i].first) drawn_[i] = drawn_mesh(mesh, max_mesh_triangles);
+        same_meshes = same_meshes && page.meshes[i].first == now[i].first;
+    }
+    frame.header["meshes"] = json::array();
+    if (!same_meshes) {
+        std::vector<Vec3f> colors;
+        for (const MeshGeometry& mesh : world.meshes)
+            colors.push_back(mesh_color(*scene_.shot(), mesh.material));
+        WireMessage message = meshes_message(world.meshes, drawn_, colors);
+        message.header["revision"] = scene_.revision();
+        server_->send(client, to_bytes(message), true);
+    } else {
+        for (size_t i = 0; i < count; ++i) {
+            if (now[i].second != 0 && now[i].second == page.meshes[i].second) continue;
+            json moved = add_mesh_positions(world.meshes[i], drawn_[i], frame);
+            moved["index"] = i;
+            frame.header["meshes"].push_back(std::move(moved));
+        }
+    }
+    page.meshes = std::move(now);
+}
+
+void LiveView::answer(ViewClient client, Page& page, const StrandsRequest& request, const World& world,
+                      double chain_ms) {
+    const double begin = wall_seconds();
+    WireMessage frame;
+    send_meshes(client, page, world, frame);
+    const uint64_t layout = layout_digest(world);
+    if (!page.strands || page.strands->layout != layout || page.strands->budget != request.budget ||
+        page.revision != scene_.revision()) {
+        page.strands = select_strands(world, request.budget, layout);
+        page.selection = ++last_selection_;
+        std::vector<StrandLook> looks;
+        for (const CurveGeometry& curves : world.curves)
+            looks.push_back(strand_look(*scene_.shot(), curves.material));
+        server_->send(client, to_bytes(strands_message(world, *page.strands, page.selection, looks)), true);
+    }
+    page.revision = scene_.revision();
+    add_strand_positions(world, *page.strands, request.floats, frame);
+    frame.header["type"] = "frame";
+    frame.header["seq"] = request.seq;
+    frame.header["frame"] = request.frame;
+    frame.header["revision"] = page.revision;
+    frame.header["selection"] = page.selection;
+    frame.header["chain_ms"] = chain_ms;
+    frame.header["other_ms"] = 1e3 * (wall_seconds() - begin);
+    server_->send(client, to_bytes(frame), true);
+}
+
+void LiveView::serve_frame(ViewClient client, const StrandsRequest& request) {
+    const auto page = pages_.find(client);
+    if (page == pages_.end()) return;
+    bool answered = false;
+    free_picture();
+    if (scene_.shot())
+        attempt(frame_problems_, [&] {
+            Shot& shot = *scene_.shot();
+            const double begin = wall_seconds();
+            set_frame(shot, request.frame);
+            BuildStats stats;
+            const double share = share_for(request.budget, all_strands_);
+            World world = build_world(shot.geometry, settings_to_play(shot, request.frame, share),
+                                      inbox_.stop_work(), progress_, stats, std::exchange(kept_, {}));
+            all_strands_ = all_strands(world);
+            answer(client, page->second, request, world, 1e3 * (wall_seconds() - begin));
+            answered = true;
+            kept_ = kept_geometry(std::move(world));
+        });
+    if (!answered) tell(client, {{"type", "skipped"}, {"seq", request.seq}});
+}
+
+void LiveView::free_picture() {
+    if (!picture_) return;
+    KeptGeometry geometry = picture_->take_geometry();
+    if (geometry.device) kept_ = std::move(geometry);
+}
+
+// If the last one is not on its way yet, the line is slow: this one is left out.
+void LiveView::send_picture() {
+    if (server_->unsent_bytes(picture_->client()) < max_unsent)
+        server_->send(picture_->client(), to_bytes(picture_->message()), true);
+}
+
+void LiveView::work_on_picture(ViewClient client, const PictureRequest& request) {
+    if (!scene_.shot()) return inbox_.end_picture(client, request.seq);
+    if (!picture_ || picture_->client() != client || picture_->request().seq != request.seq) {
+        free_picture();
+        picture_.emplace(client, request);
+    }
+    bool done = false, stopped = false;
+    const bool good = attempt(frame_problems_, [&] {
+        done = picture_->work(*scene_.shot(), std::exchange(kept_, {}), inbox_.stop_work(), progress_,
+                              [&] { send_picture(); });
+        stopped = !done;
+    });
+    if (done)
+        tell(client, {{"type", "render_done"},
+                      {"seq", request.seq},
+                      {"samples", picture_->samples()},
+                      {"seconds", picture_->seconds()}});
+    if (done || (!good && !inbox_.stop_work())) {
+        inbox_.end_picture(client, request.seq);
+        free_picture();
+        picture_.reset();
+    }
+}
+
+// Tells pages what takes long.
+void LiveView::show_progress(const std::stop_token& end) {
+    constexpr double patience = 0.4; // s
+    const auto tell_each = [&](const json& message) {
+        const auto bytes = text_of(message);
+        for (const ViewClient client : inbox_.clients()) server_->send(client, bytes, false);
+    };
+    bool shown = false;
+    while (!end.stop_requested()) {
+        std::this_thread::sleep_for(std::chrono::milliseconds(100));
+        const double since = busy_since_;
+        const bool shows = since > 0.0 && wall_seconds() - since > patience;
+        if (shows)
+            tell_each({{"type", "progress"},
+                       {"phase", progress_.phase.load()},
+                       {"fraction", progress_.fraction.load()}});
+        else if (shown)
+            tell_each({{"type", "progress"}, {"phase", ""}, {"fraction", -1.0}});
+        shown = shows;
+    }
+}
+
+// One piece of work. False: there is none.
+bool LiveView::work() {
+    for (const ViewClient client : inbox_.take_left_clients()) pages_.erase(client);
+    for (const ViewClient client : inbox_.take_new_clients()) welcome(client);
+    if (std::vector<ChangeRequest> changes = inbox_.take_changes(); !changes.empty()) {
+        inbox_.begin_work(false);
+        handle(std::move(changes));
+        return true;
+    }
+    if (wall_seconds() >= next_look_) {
+        next_look_ = wall_seconds() + look_at_files;
+        if (scene_.files_changed()) {
+            inbox_.begin_work(false);
+            inbox_.end_pictures();
+            load();
+            return true;
+        }
+    }
+    if (const auto frame = inbox_.take_frame()) {
+        inbox_.begin_frame(frame->first, frame->second.budget);
+        serve_frame(frame->first, frame->second);
+        return true;
+    }
+    if (const auto picture = inbox_.picture()) {
+        inbox_.begin_work(true);
+        busy_since_ = 0.0; // its own samples show the progress
+        work_on_picture(picture->first, picture->second);
+        return true;
+    }
+    return false;
+}
+
+void LiveView::run() {
+    const std::jthread progress([this](const std::stop_token& end) { show_progress(end); });
+    tbb::task_arena arena(settings_.threads);
+    arena.execute([&] {
+        inbox_.begin_work(false);
+        busy_since_ = wall_seconds();
+        load();
+        while (!ended_) {
+            busy_since_ = wall_seconds();
+            const bool worked = work();
+            busy_since_ = 0.0;
+            if (!worked) inbox_.wait(look_at_files);
+        }
+    });
+}
+
+} // namespace marram

@@ -1,0 +1,148 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "core/view/open_scene.h"
+
+#include "core/image/atomic_file.h"
+#include "core/scene/edit.h"
+
+#include <fmt/format.h>
+
+#include <fstream>
+#include <iterator>
+#include <utility>
+
+namespace marram {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr size_t max_history = 1000;
+
+std::string text_of_file(const std::string& path) {
+    std::ifstream file(path, std::ios::binary);
+    std::string text(std::istreambuf_iterator<char>(file), {});
+    if (!file) throw InputError({path}, "cannot be read", "check that it exists and that you may read it");
+    return text;
+}
+
+std::vector<std::string> settings_of(const ChangedValues& values) {
+    std::vector<std::string> settings;
+    for (const auto& [key, value] : values) settings.push_back(key + "=" + value);
+    return settings;
+}
+
+} // namespace
+
+OpenScene::OpenScene(std::string file, Overrides overrides, const std::atomic<bool>& stop)
+    : file_(std::move(file)), overrides_(std::move(overrides)), stop_(stop) {
+    stamps_[file_] = {};
+}
+
+std::vector<std::string> OpenScene::settings() const {
+    std::vector<std::string> settings = overrides_.settings;
+    for (std::string& setting : settings_of(changed())) settings.push_back(std::move(setting));
+    return settings;
+}
+
+void OpenScene::load() {
+    stamps_ = stamps_now();
+    Overrides overrides = overrides_;
+    overrides.settings = settings();
+    auto loaded = std::make_unique<Shot>(load_shot(file_, overrides, stop_));
+    shot_ = std::move(loaded);
+    ++revision_;
+    read_stamps();
+}
+
+void OpenScene::apply(const ChangedValues& values) {
+    if (!shot_) throw InputError({file_}, "the scene is not loaded", "correct its mistakes first");
+    std::vector<std::string> settings = overrides_.settings;
+    for (std::string& setting : settings_of(values)) settings.push_back(std::move(setting));
+    if (!update_shot(*shot_, describe_scene(file_, settings, *shot_->plugins))) {
+        Overrides overrides = overrides_;
+        overrides.settings = settings;
+        shot_ = std::make_unique<Shot>(load_shot(file_, overrides, stop_));
+        read_stamps();
+    }
+    ++revision_;
+}
+
+void OpenScene::take(ChangedValues values) {
+    if (values == changed()) return;
+    apply(values);
+    history_.resize(at_ + 1);
+    history_.push_back(std::move(values));
+    if (history_.size() > max_history) history_.erase(history_.begin());
+    at_ = history_.size() - 1;
+}
+
+void OpenScene::set(const std::string& key, const std::optional<std::string>& value) {
+    if (key.empty() || key.find('=') != std::string::npos)
+        throw InputError({"--set " + key}, "this is no key", "see `marram info --keys`");
+    ChangedValues values = changed();
+    if (value)
+        values[key] = *value;
+    else
+        values.erase(key);
+    take(std::move(values));
+}
+
+void OpenScene::undo() {
+    if (!can_undo()) return;
+    apply(history_[at_ - 1]);
+    --at_;
+}
+
+void OpenScene::redo() {
+    if (!can_redo()) return;
+    apply(history_[at_ + 1]);
+    ++at_;
+}
+
+void OpenScene::reset() { take({}); }
+
+void OpenScene::save() {
+    const std::vector<std::string> settings = settings_of(changed());
+    if (settings.empty()) return;
+    const std::string text = edited_scene(text_of_file(file_), file_, settings);
+    AtomicFile file(file_);
+    file.write(text);
+    file.commit();
+    for (const auto& [key, value] : changed()) // the file has them now
+        std::erase_if(overrides_.settings,
+                      [&](const std::string& given) { return given.starts_with(key + "="); });
+    history_ = {{}};
+    at_ = 0;
+    apply({});
+    stamps_[file_] = stamps_now()[file_];
+}
+
+OpenScene::Stamps OpenScene::stamps_now() const {
+    Stamps now;
+    for (const auto& [name, stamp] : stamps_) {
+        std::error_code error;
+        const auto time = fs::last_write_time(name, error);
+        const uintmax_t size = error ? 0 : fs::file_size(name, error);
+        now[name] = error ? stamp : std::pair(time, size); // an editor is replacing it
+    }
+    return now;
+}
+
+void OpenScene::read_stamps() {
+    Stamps before = std::exchange(stamps_, {});
+    for (const std::string& name : files_read(*shot_, file_)) {
+        const auto known = before.find(name);
+        stamps_[name] = known == before.end() ? Stamps::mapped_type{} : known->second;
+    }
+    const Stamps now = stamps_now();
+    for (auto& [name, stamp] : stamps_)
+        if (!before.contains(name)) stamp = now.at(name);
+}
+
+bool OpenScene::files_changed() {
+    Stamps now = stamps_now();
+    if (now == stamps_) return false;
+    stamps_ = std::move(now);
+    return true;
+}
+
+} // namespace marram

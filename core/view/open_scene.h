@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: Apache-2.0
+// The scene that all pages see: kept open, changed value by value, with a history, taken up again when its
+// files change, and saved. Only what a change touches is made anew (update_shot).
+#pragma once
+
+#include "core/shot/shot.h"
+#include "core/view/scene_message.h"
+
+#include <filesystem>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace marram {
+
+class OpenScene {
+  public:
+    // `stop` is polled by loading and by the scene's procedurals; it must outlive this.
+    OpenScene(std::string file, Overrides overrides, const std::atomic<bool>& stop);
+
+    // Each throws InputError with the mistakes, or Cancelled; the last good state then stays.
+    void load();                                                               // reads all files again
+    void set(const std::string& key, const std::optional<std::string>& value); // none: the file's value
+    void undo();
+    void redo();
+    void reset(); // all values back to the file's
+    void save();  // writes the changed values into the scene file
+
+    // Whether a file of the scene has been written since it was read; asked for at intervals. Tells each
+    // change once.
+    bool files_changed();
+
+    Shot* shot() { return shot_.get(); } // nullptr: never loaded without a mistake
+    const std::string& file() const { return file_; }
+    const ChangedValues& changed() const { return history_[at_]; }
+    bool can_undo() const { return at_ > 0; }
+    bool can_redo() const { return at_ + 1 < history_.size(); }
+    std::vector<std::string> settings() const;      // of the command line and the changed ones: key=value
+    uint64_t revision() const { return revision_; } // another after each change
+
+  private:
+    using Stamps = std::map<std::string, std::pair<std::filesystem::file_time_type, uintmax_t>>; // time, size
+
+    void take(ChangedValues values); // as the newest of the history
+    void apply(const ChangedValues& values);
+    void read_stamps();
+    Stamps stamps_now() const;
+
+    std::string file_;
+    Overrides overrides_;
+    const std::atomic<bool>& stop_;
+    std::unique_ptr<Shot> shot_;
+    std::vector<ChangedValues> history_{{}};
+    size_t at_ = 0; // the present entry of history_
+    uint64_t revision_ = 0;
+    Stamps stamps_;
+};
+
+} // namespace marram

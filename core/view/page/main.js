@@ -1,0 +1,102 @@
+// SPDX-License-Identifier: Apache-2.0
+// Begins the page: connects its parts, handles the keys, shows the help.
+import {state, on, byId, make} from "./state.js";
+import {connect} from "./net.js";
+import {start_world, draw_world, go_home, frame_all, world} from "./world.js";
+import {start_player, player, tick, drawn, play, step, set_time, frames_of, touch} from "./player.js";
+import {start_panel, options_text} from "./panel.js";
+import {command, edits} from "./edits.js";
+import {start_render, toggle, toggle_beside, keep_a, drop_a, set_mode, picture} from "./render.js";
+
+const help = {
+  "Time": [["space", "play, pause"], ["← →", "one frame back, on"], ["Shift ← →", "ten frames"], ["Home End", "first, last frame"], ["L", "loop"],
+    ["drag the bar", "go to a frame; Shift: to parts of frames"]],
+  "Camera": [["drag", "orbit"], ["right drag, Shift drag", "move sideways"], ["wheel, middle drag", "nearer, farther"], ["F", "frame all strands"],
+    ["C", "the camera of the scene"]],
+  "Picture": [["R", "path-traced picture over the view"], ["P", "picture beside the view"], ["A", "keep the picture as A, compare with B"], ["Shift A", "drop A"],
+    ["Escape", "back to the live view"]],
+  "Parameters": [["/", "search"], ["Ctrl Z", "undo"], ["Ctrl Shift Z", "redo"], ["Ctrl S", "write the changes to the scene file"],
+    ["orange dot", "the value differs from the file; click: back to it"], ["drag a number", "change it; Shift: finer"], ["↑ ↓ in a number", "change it; Shift: ten times"],
+    ["ramp", "drag knots; double click adds and removes; Delete removes"]],
+  "Page": [["H or ?", "this help"]],
+};
+
+function show_help() {
+  const dialog = byId("help");
+  if (dialog.open) { dialog.close(); return; }
+  const sections = Object.entries(help).map(([title, rows]) => make("section", {}, make("h3", {}, title), make("dl", {},
+    ...rows.flatMap(([keys, what]) => [make("dt", {}, make("kbd", {}, keys)), make("dd", {}, what)]))));
+  dialog.replaceChildren(make("h2", {}, "Keys"), make("div", {class: "columns"}, ...sections));
+  dialog.showModal();
+}
+
+function first_frame() { play(false); set_time(frames_of()[0]); }
+function last_frame() { play(false); set_time(frames_of()[1]); }
+const keys = {
+  " ": () => play(), Home: first_frame, End: last_frame, f: frame_all, c: go_home, r: toggle, p: toggle_beside, h: show_help, "?": show_help,
+  l: () => byId("loop").click(), "/": () => { byId("search").focus(); byId("search").select(); },
+  a: event => event.shiftKey ? drop_a() : keep_a(),
+  ArrowLeft: event => { touch(); step(event.shiftKey ? -10 : -1); }, ArrowRight: event => { touch(); step(event.shiftKey ? 10 : 1); },
+  Escape: () => { if (picture.mode !== "off") set_mode("off"); },
+};
+
+const is_text = element => element.matches("input:not([type=range],[type=checkbox],[type=color]),textarea");
+
+function on_key(event) {
+  const target = event.target, letter = event.key.length > 1 ? event.key : event.key.toLowerCase();
+  if (event.ctrlKey || event.metaKey) {
+    if (event.altKey) return;
+    if (letter === "s") { event.preventDefault(); document.activeElement.blur(); command("save"); }
+    // A text that is being written has its own undo.
+    const writing = is_text(target) && target.id !== "frame" && !target.classList.contains("number");
+    if (letter === "z" && !writing) { event.preventDefault(); command(event.shiftKey ? "redo" : "undo"); }
+    if (letter === "y" && !writing) { event.preventDefault(); command("redo"); }
+    return;
+  }
+  if (event.altKey || byId("help").open && !["h", "?"].includes(letter)) return;
+  if (is_text(target)) return;
+  // Sliders, lists and buttons keep the keys that they use themselves.
+  const own = target.matches("select") ? letter !== "Escape" : target.matches("input[type=range]") ? /^(Arrow|Home|End|Page)/.test(letter)
+    : target.matches("button,summary,input[type=checkbox],input[type=color]") ? letter === " " || letter === "Enter" : false;
+  if (own) return;
+  const act = keys[letter];
+  if (act) { event.preventDefault(); act(event); }
+}
+
+function loop(now) {
+  requestAnimationFrame(loop);
+  try {
+    tick(now);
+    if (draw_world(now)) drawn(now);
+  } catch (error) { console.error(error); }
+}
+
+function start() {
+  document.addEventListener("keydown", on_key);
+  byId("help_button").onclick = show_help;
+  byId("help").addEventListener("click", event => { if (event.target === byId("help")) byId("help").close(); });
+  // A button that was clicked gives the keyboard back to the view, so that space plays.
+  document.addEventListener("click", event => {
+    const button = event.target.closest("button");
+    if (button && event.detail > 0 && !button.closest("dialog")) { button.blur(); byId("live").focus({preventScroll: true}); }
+  });
+  byId("live").addEventListener("pointerdown", () => byId("live").focus({preventScroll: true}));
+  for (const select of document.querySelectorAll("#transport select,#render_bar select"))
+    select.addEventListener("change", () => byId("live").focus({preventScroll: true}));
+  on("progress", message => {
+    byId("loading").hidden = !(message.fraction >= 0);
+    byId("loading").classList.toggle("aside", player.frames > 0);
+    byId("loading").firstElementChild.textContent = message.phase || "";
+    byId("loading").lastElementChild.value = message.fraction;
+  });
+}
+
+start();
+if (start_world()) {
+  start_player();
+  start_panel();
+  start_render();
+  connect();
+  requestAnimationFrame(loop);
+}
+window.marram = {state, on, world, player, picture, edits, options_text};   // for the console and for tests

@@ -1,0 +1,140 @@
+// SPDX-License-Identifier: Apache-2.0
+// The path-traced picture of the live view's camera: over the view or beside it, refining, compared with a picture kept as A.
+import {state, on, byId, clamp, make, remembered, remember, notice} from "./state.js";
+import {send} from "./net.js";
+import {world, camera_message, set_exposure} from "./world.js";
+import {player} from "./player.js";
+
+const settle_ms = 150;                       // stillness before a picture is begun
+const max_width = 960, first_share = 4, first_samples = 4;
+
+export const picture = {mode: "off", samples: 0, of: 0, images: 0, done: false};   // mode: off, over, beside
+let seq = 0, stage = 0, timer = 0, has_a = false, at = remembered("divider", 0.5), started = 0;
+const canvas_a = byId("picture_a"), canvas_b = byId("picture_b");
+
+function size_of(share) {
+  const box = byId("live"), ratio = window.devicePixelRatio, width = Math.min(max_width, box.clientWidth * ratio);
+  return [Math.max(16, Math.round(width / share)), Math.max(16, Math.round(width / share * box.clientHeight / Math.max(1, box.clientWidth)))];
+}
+
+function request() {
+  timer = 0;
+  if (picture.mode === "off" || player.playing || !state.scene || !state.connected || document.hidden) return;
+  const first = stage === 0, wanted = Number(byId("samples").value);
+  const sent = send({type: "render", seq: ++seq, frame: Number(player.time.toFixed(4)), camera: camera_message(), size: size_of(first ? first_share : 1),
+    layer: byId("layer").value || "beauty", exposure: world.exposure, samples: first ? Math.min(first_samples, wanted) : wanted});
+  if (!sent) return;
+  picture.done = false;
+  status(first ? "starting" : null);
+}
+
+// Anything that the picture shows has changed: it goes away, and begins anew when all is still.
+function again() {
+  if (picture.mode === "off") return;
+  if (!timer && started) send({type: "stop"});
+  started = 0;
+  clearTimeout(timer);
+  stage = 0;
+  ++seq;   // answers of the picture before are not shown
+  byId("picture").classList.add("waiting");
+  picture.done = false;
+  if (!player.playing) timer = setTimeout(() => { started = 1; request(); }, settle_ms);
+  status(player.playing ? "paused while playing" : "");
+}
+
+function status(text) { if (text !== null) byId("render_status").textContent = text; }
+
+export function set_mode(mode) {
+  const was = picture.mode;
+  picture.mode = mode;
+  const shown = mode !== "off";
+  byId("picture").hidden = byId("render_bar").hidden = !shown;
+  byId("view").classList.toggle("split", mode === "beside");
+  byId("beside").setAttribute("aria-pressed", mode === "beside");
+  if (!shown) {
+    clearTimeout(timer);
+    timer = 0;
+    ++seq;
+    if (was !== "off") send({type: "stop"});
+    started = 0;
+    if (world.scene_exposure !== undefined) set_exposure(world.scene_exposure);
+    show_exposure();
+  } else again();
+}
+export const toggle = () => set_mode(picture.mode === "off" ? "over" : "off");
+export const toggle_beside = () => set_mode(picture.mode === "beside" ? "over" : "beside");
+
+export function keep_a() {
+  if (picture.mode === "off" || !picture.images) return;
+  canvas_a.width = canvas_b.width;
+  canvas_a.height = canvas_b.height;
+  canvas_a.getContext("2d").drawImage(canvas_b, 0, 0);
+  has_a = true;
+  compare();
+  notice("A kept. Change something, then drag the line between A and B. Shift-A drops A.");
+}
+export function drop_a() {
+  has_a = false;
+  compare();
+}
+function compare() {
+  canvas_a.hidden = byId("divider").hidden = !has_a;
+  canvas_a.style.clipPath = `inset(0 ${100 - 100 * at}% 0 0)`;
+  byId("divider").style.left = 100 * at + "%";
+  const [left, right] = document.querySelectorAll(".which");
+  left.textContent = has_a ? "A" : "";
+  right.textContent = has_a ? "B" : "";
+  byId("keep_a").textContent = has_a ? "drop A" : "keep as A";
+}
+
+function show_exposure() {
+  byId("exposure").value = world.exposure;
+  byId("exposure_value").textContent = `${world.exposure < 0 ? "−" : "+"}${Math.abs(world.exposure).toFixed(2)} stops`;
+}
+
+on("image", (header, payload) => {
+  if (header.seq !== seq || picture.mode === "off") return;
+  const {width, height} = header;
+  const pixels = new Uint8ClampedArray(payload.buffer, payload.base, 4 * width * height);
+  if (canvas_b.width !== width || canvas_b.height !== height) { canvas_b.width = width; canvas_b.height = height; }
+  canvas_b.getContext("2d").putImageData(new ImageData(pixels, width, height), 0, 0);
+  byId("picture").classList.remove("waiting");
+  Object.assign(picture, {width, samples: header.samples, of: header.of, images: picture.images + 1});
+  status(`${header.samples} of ${stage === 0 ? byId("samples").value : header.of} samples, ${header.seconds.toFixed(1)} s`);
+});
+on("render_done", message => {
+  if (message.seq !== seq || picture.mode === "off") return;
+  if (stage === 0) { stage = 1; request(); return; }
+  picture.done = true;
+  status(`${message.samples} samples, ${message.seconds.toFixed(1)} s`);
+});
+
+export function start_render() {
+  for (const type of ["camera", "edit", "answered", "play"]) on(type, again);
+  on("open", again);
+  on("scene", scene => {
+    const layer = byId("layer"), was = layer.value;
+    layer.replaceChildren(...scene.layers.map(name => make("option", {}, name)));
+    layer.value = scene.layers.includes(was) ? was : scene.layers[0] || "";
+    show_exposure();
+    again();
+  });
+  byId("layer").onchange = again;
+  byId("samples").onchange = again;
+  byId("exposure").addEventListener("input", event => { set_exposure(Number(event.target.value)); show_exposure(); again(); });
+  byId("exposure").addEventListener("dblclick", () => { set_exposure(world.scene_exposure); show_exposure(); again(); });
+  byId("keep_a").onclick = () => has_a ? drop_a() : keep_a();
+  byId("beside").onclick = toggle_beside;
+  const divider = byId("divider");
+  let dragging = false;
+  divider.addEventListener("pointerdown", event => { dragging = true; divider.setPointerCapture(event.pointerId); event.stopPropagation(); });
+  divider.addEventListener("pointermove", event => {
+    if (!dragging) return;
+    const box = byId("picture").getBoundingClientRect();
+    at = clamp((event.clientX - box.left) / box.width, 0, 1);
+    remember("divider", at);
+    compare();
+  });
+  for (const end of ["pointerup", "pointercancel"]) divider.addEventListener(end, () => { dragging = false; });
+  compare();
+}

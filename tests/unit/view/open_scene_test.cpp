@@ -1,0 +1,320 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "core/view/open_scene.h"
+
+#include "core/scene/value_text.h"
+#include "core/shot/settings.h"
+#include "core/world/build.h"
+
+#include <gtest/gtest.h>
+
+#include <fmt/format.h>
+
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <map>
+#include <thread>
+
+namespace marram {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr const char* scene_text = R"(# A head of hair.
+fps = 24
+frames = [1, 24]
+tolerance = 0.001
+
+[camera]
+position = [0, 1, 4]   # in front
+target = [0, 0, 0]
+
+[wind]
+speed = 6              # m/s
+noise.amplitude = 0.4
+jiggle = { frequency = 3, damping = 0.3 }
+
+[[material]]
+name = "hair"
+type = "hair"
+color = [0.4, 0.2, 0.1]
+
+[[mesh]]
+name = "ball"
+type = "sphere"
+radius = 0.5
+
+[[procedural]]
+name = "fur"
+type = "groom"
+on = "ball"
+count = 200
+length = 0.2
+width = 0.002
+material = "hair"
+)";
+
+std::string read(const fs::path& path) {
+    std::ifstream in(path, std::ios::binary);
+    return {std::istreambuf_iterator<char>(in), {}};
+}
+
+class OpenSceneTest : public ::testing::Test {
+  protected:
+    OpenSceneTest() {
+        std::string name = (fs::temp_directory_path() / "marram_view_XXXXXX").string();
+        folder = ::mkdtemp(name.data());
+        file = (folder / "ball.toml").string();
+        write(scene_text);
+    }
+    ~OpenSceneTest() override {
+        std::error_code ignored;
+        fs::remove_all(folder, ignored);
+    }
+    void write(const std::string& text) const { std::ofstream(file, std::ios::binary) << text; }
+
+    // All vertices of the strands at a frame.
+    static std::vector<float> strands(Shot& shot, double frame) {
+        static const std::atomic<bool> never{false};
+        set_frame(shot, frame);
+        BuildSettings settings = build_settings(shot, frame);
+        settings.shutter_open = settings.shutter_close = 0.0;
+        settings.trace_curves = false;
+        BuildProgress progress;
+        BuildStats stats;
+        const World world = build_world(shot.geometry, settings, never, progress, stats);
+        std::vector<float> all;
+        for (const CurveGeometry& curves : world.curves)
+            all.insert(all.end(), curves.vertices[0],
+                       curves.vertices[0] + 4 * curves.layout().vertex_count());
+        return all;
+    }
+    std::vector<float> strands_with(const std::vector<std::string>& settings, double frame) const {
+        static const std::atomic<bool> never{false};
+        Overrides overrides;
+        overrides.settings = settings;
+        Shot shot = load_shot(file, overrides, never);
+        return strands(shot, frame);
+    }
+
+    fs::path folder;
+    std::string file;
+    std::atomic<bool> stop{false};
+};
+
+TEST_F(OpenSceneTest, ChangesGiveTheBitsOfAFreshScene) {
+    OpenScene scene(file, {}, stop);
+    scene.load();
+    const Shot* const loaded = scene.shot();
+    const std::vector<float> before = strands(*scene.shot(), 7);
+    EXPECT_EQ(before, strands_with({}, 7));
+    const std::vector<std::pair<std::string, std::string>> changes = {
+        {"wind.speed", "9"},
+        {"procedural.fur.length", "0.3"},
+        {"wind.jiggle.damping", "0.5"},
+        {"procedural.fur.count", "300"},
+        {"wind.speed", "{ keys = [[1, 2], [12, 8]] }"},
+        {"wind.gusts.num_gusts", "3"},
+        {"tolerance", "0.0005"}};
+    for (const auto& [key, value] : changes) {
+        scene.set(key, value);
+        EXPECT_EQ(strands(*scene.shot(), 7), strands_with(scene.settings(), 7)) << key;
+        EXPECT_EQ(scene.shot(), loaded) << key << ": the scene was loaded anew";
+    }
+    scene.set("mesh.ball.radius", "0.6"); // a mesh: loaded anew
+    EXPECT_NE(scene.shot(), loaded);
+    EXPECT_EQ(strands(*scene.shot(), 7), strands_with(scene.settings(), 7));
+    scene.reset();
+    EXPECT_EQ(strands(*scene.shot(), 7), before);
+}
+
+TEST_F(OpenSceneTest, KeepsTheLastGoodState) {
+    OpenScene scene(file, {}, stop);
+    scene.load();
+    scene.set("wind.speed", "8");
+    const std::vector<float> good = strands(*scene.shot(), 3);
+    const uint64_t revision = scene.revision();
+    for (const auto& [key, value] :
+         std::vector<std::pair<std::string, std::string>>{{"wind.speed", "\"fast\""},
+                                                          {"wind.speeed", "3"},
+                                                          {"wind.response", "[[0, 1], [1, 1]]"},
+                                                          {"procedural.fur.count", "-1"},
+                                                          {"procedural.fur.on", "\"none\""},
+                                                          {"", "3"},
+                                                          {"a=b", "3"},
+                                                          {"material.hair.color", "[9, 9, 9]"},
+                                                          {"camera.target", "[0, 1, 4]"},
+                                                          {"procedural.fur.cvs", "1"}}) {
+        EXPECT_THROW(scene.set(key, value), InputError) << key << " = " << value;
+        EXPECT_EQ(scene.revision(), revision);
+        EXPECT_EQ(strands(*scene.shot(), 3), good) << key << " = " << value;
+    }
+    EXPECT_EQ(scene.changed(), (ChangedValues{{"wind.speed", "8"}}));
+}
+
+TEST_F(OpenSceneTest, UndoesAndRedoes) {
+    OpenScene scene(file, {}, stop);
+    scene.load();
+    EXPECT_FALSE(scene.can_undo());
+    for (const char* speed : {"7", "8", "9"}) scene.set("wind.speed", speed);
+    scene.undo(), scene.undo();
+    EXPECT_EQ(scene.changed(), (ChangedValues{{"wind.speed", "7"}}));
+    scene.redo();
+    EXPECT_EQ(scene.changed(), (ChangedValues{{"wind.speed", "8"}}));
+    scene.set("wind.calm", "0.5");
+    EXPECT_FALSE(scene.can_redo());
+    scene.reset();
+    EXPECT_TRUE(scene.changed().empty());
+    scene.undo();
+    EXPECT_EQ(scene.changed().size(), 2U);
+    scene.set("wind.speed", std::nullopt);
+    EXPECT_EQ(scene.changed(), (ChangedValues{{"wind.calm", "0.5"}}));
+    for (int i = 0; i < 10; ++i) scene.undo();
+    EXPECT_TRUE(scene.changed().empty());
+}
+
+TEST_F(OpenSceneTest, SavesChangedValuesAndNothingElse) {
+    OpenScene scene(file, {}, stop);
+    scene.load();
+    scene.set("wind.speed", "9.5");
+    scene.set("procedural.fur.length", "[0.1, 0.3]");
+    const std::vector<float> shown = strands(*scene.shot(), 5);
+    scene.save();
+    std::string expected = scene_text;
+    expected.replace(expected.find("speed = 6  "), 11, "speed = 9.5");
+    std::string text = read(file);
+    EXPECT_NE(text.find("speed = 9.5"), std::string::npos);
+    EXPECT_NE(text.find("# m/s"), std::string::npos);
+    EXPECT_NE(text.find("length = [0.1, 0.3]"), std::string::npos);
+    EXPECT_TRUE(text.starts_with("# A head of hair.\nfps = 24\n"));
+    EXPECT_TRUE(scene.changed().empty());
+    EXPECT_FALSE(scene.files_changed()); // not by others
+    EXPECT_EQ(strands(*scene.shot(), 5), shown);
+    EXPECT_EQ(strands_with({}, 5), shown);
+    scene.save(); // nothing to write
+    EXPECT_EQ(read(file), text);
+}
+
+TEST_F(OpenSceneTest, TakesUpWhatAnEditorSaves) {
+    OpenScene scene(file, {}, stop);
+    scene.load();
+    EXPECT_FALSE(scene.files_changed());
+    scene.set("wind.calm", "0.5");
+    std::string text = scene_text;
+    text.replace(text.find("speed = 6"), 9, "speed = 60");
+    write(text);
+    EXPECT_TRUE(scene.files_changed());
+    EXPECT_FALSE(scene.files_changed()); // once
+    scene.load();
+    EXPECT_EQ(scene.shot()->description.wind.number("speed"), 60.0);
+    EXPECT_EQ(scene.shot()->description.wind.number("calm"), 0.5);
+    write("speed = ");
+    EXPECT_TRUE(scene.files_changed());
+    EXPECT_THROW(scene.load(), InputError);
+    EXPECT_EQ(scene.shot()->description.wind.number("speed"), 60.0);
+    fs::remove(file); // an editor that replaces it
+    EXPECT_FALSE(scene.files_changed());
+    write(scene_text);
+    EXPECT_TRUE(scene.files_changed());
+    scene.load();
+    EXPECT_EQ(scene.shot()->description.wind.number("speed"), 6.0);
+}
+
+// Each strand's id and vertices at a frame.
+std::map<float, std::vector<float>> strands_by_id(Shot& shot, double frame, double share, uint64_t& all) {
+    static const std::atomic<bool> never{false};
+    set_frame(shot, frame);
+    BuildSettings settings = build_settings(shot, frame);
+    settings.shutter_open = settings.shutter_close = 0.0;
+    settings.trace_curves = false;
+    settings.attributes = {"id"};
+    settings.share = share;
+    BuildProgress progress;
+    BuildStats stats;
+    const World world = build_world(shot.geometry, settings, never, progress, stats);
+    const CurveGeometry& curves = world.curves.at(0);
+    const CurveLayout layout = curves.layout();
+    std::map<float, std::vector<float>> strands;
+    for (uint64_t c = 0; c < curves.curve_count; ++c) {
+        const float* const at = curves.vertices[0] + 4 * layout.first_vertex(c);
+        strands[curves.attributes.at(0).values[c]] = {at, at + 4 * (layout.cvs(c) + 2)};
+    }
+    all = curves.all_curves;
+    return strands;
+}
+
+// BuildSettings::share, by frames in sequence, so that jiggle keeps states; the settings that the tolerance
+// chooses are those of all strands.
+TEST_F(OpenSceneTest, AShareOfTheStrandsAreThoseOfAll) {
+    OpenScene few(file, {}, stop), whole(file, {}, stop);
+    few.load(), whole.load();
+    std::map<float, std::vector<float>> before;
+    for (const auto& [frame, share] : std::vector<std::pair<double, double>>{{4.0, 0.1},
+                                                                             {5.0, 0.1},
+                                                                             {5.5, 0.1},
+                                                                             {6.0, 0.4},
+                                                                             {7.0, 0.4},
+                                                                             {8.0, 0.9},
+                                                                             {3.0, 1.0},
+                                                                             {9.0, 0.2}}) {
+        uint64_t all = 0;
+        const auto some = strands_by_id(*few.shot(), frame, share, all);
+        EXPECT_EQ(all, 200U);
+        const auto every = strands_by_id(*whole.shot(), frame, 0.0, all);
+        EXPECT_EQ(every.size(), 200U);
+        EXPECT_NEAR(double(some.size()), 200.0 * share, 20.0);
+        for (const auto& [id, vertices] : some) {
+            ASSERT_EQ(vertices, every.at(id)) << frame << " " << share;
+        }
+        for (const auto& [id, vertices] : before) {
+            EXPECT_TRUE(some.contains(id) || some.size() < before.size());
+        }
+        before = some;
+    }
+}
+
+// The text of each value, taken as a setting, gives the same value.
+TEST(ValueText, IsReadAsTheSameValue) {
+    int compared = 0;
+    for (const auto& entry : fs::directory_iterator(MARRAM_SOURCE_DIR "/scenes")) {
+        if (entry.path().extension() != ".toml") continue;
+        PluginSet plugins = default_plugins();
+        const SceneDescription scene = describe_scene(entry.path().string(), {}, plugins);
+        std::vector<std::string> settings;
+        const auto add = [&](const std::string& prefix, const ParamSet& values) {
+            for (const ParamValue& value : values.all())
+                if (value.given && list_of(value.spec->name).empty() &&
+                    value.name.find('[') == std::string::npos)
+                    settings.push_back(prefix + value.name + "=" + value_text(value, scene.file));
+        };
+        add("", scene.globals), add("camera.", scene.camera), add("film.", scene.film),
+            add("wind.", scene.wind);
+        for (const Item& item : scene.procedurals)
+            add("procedural." + item.name_in_file() + ".", item.params);
+        for (const Item& item : scene.materials) add("material." + item.name_in_file() + ".", item.params);
+        for (const Item& item : scene.meshes) add("mesh." + item.name_in_file() + ".", item.params);
+        const SceneDescription again = describe_scene(entry.path().string(), settings, plugins);
+        const auto compare = [&](const ParamSet& a, const ParamSet& b) {
+            ASSERT_EQ(a.all().size(), b.all().size());
+            for (size_t i = 0; i < a.all().size(); ++i) {
+                const ParamValue &x = a.all()[i], &y = b.all()[i];
+                EXPECT_TRUE(x.numbers == y.numbers && x.text == y.text && x.texts == y.texts &&
+                            x.keys == y.keys)
+                    << entry.path() << " " << x.name << ": " << value_text(x, scene.file);
+                ++compared;
+            }
+        };
+        compare(scene.globals, again.globals), compare(scene.camera, again.camera),
+            compare(scene.film, again.film);
+        compare(scene.wind, again.wind);
+        for (const auto list :
+             {&SceneDescription::procedurals, &SceneDescription::materials, &SceneDescription::meshes})
+            for (size_t i = 0; i < (scene.*list).size(); ++i)
+                compare((scene.*list)[i].params, (again.*list)[i].params);
+    }
+    EXPECT_GT(compared, 5000);
+}
+
+} // namespace
+} // namespace marram

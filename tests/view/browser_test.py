@@ -1,0 +1,402 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
+"""Tests `marram view` in a headless chromium: tests/view/browser_test.py [PROGRAM [SCENE]]
+
+Each check prints a line; the exit code is 1 if one failed. No check depends on how fast the machine is: each waits for a state, up to
+MARRAM_VIEW_PATIENCE seconds (120). Screenshots go to the folder MARRAM_VIEW_PICTURES if that is set.
+"""
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+import threading
+
+sys.dont_write_bytecode = True
+from browser import Browser, BrowserError, PATIENCE
+
+SCENE = """
+fps = 24
+frames = [1, 48]
+[camera]
+position = [0, 1.1, 3.2]
+target = [0, 0.15, 0]
+fov = 35
+[film]
+size = [320, 180]
+samples = 8
+max_depth = 4
+[wind]
+direction = [1, 0, -0.2]
+speed = 6
+response = [[0, 0], [12, 1]]
+global_rotate = 0.6
+ramp_rotate = { knots = [[0, 0.2], [1, 1]], interpolation = "smooth" }
+noise = { amplitude = 0.5, frequency = 0.5, octaves = 2 }
+gusts = { num_gusts = 6, radius_range = [0.5, 1], period = 48 }
+[[light]]
+name = "day"
+type = "daylight"
+direction = [-0.8, 0.6, 0.3]
+[[material]]
+name = "soil"
+type = "diffuse"
+color = [0.12, 0.09, 0.06]
+[[material]]
+name = "blade"
+type = "grass"
+root_color = [0.1, 0.16, 0.03]
+tip_color = [0.4, 0.56, 0.1]
+[[mesh]]
+name = "ground"
+type = "plane"
+size = [3, 3]
+material = "soil"
+[[procedural]]
+type = "groom"
+name = "grass"
+on = "ground"
+material = "blade"
+count = 3000
+length = [0.2, 0.4]
+lean = 15
+width = 0.008
+cvs = 6
+seed = 2
+"""
+
+failed = 0
+
+
+def check(what, fine, detail=""):
+    global failed
+    failed += not fine
+    print(("passed: " if fine else "FAILED: ") + what + (f" ({detail})" if detail and not fine else ""), flush=True)
+
+
+class Program:
+    """`marram view` with a scene; its address is what it prints first."""
+
+    def __init__(self, program, scene):
+        self.log = tempfile.TemporaryFile("w+")
+        self.process = subprocess.Popen([program, "view", scene, "--no-open", "--port", "0"], stdin=subprocess.DEVNULL,
+                                        stdout=subprocess.PIPE, stderr=self.log, text=True)
+        self.lines, self.address = [], None
+        self.known = threading.Event()
+        threading.Thread(target=self.read, daemon=True).start()
+        self.known.wait(PATIENCE)
+        if not self.address:
+            self.stop()
+            self.log.seek(0)
+            raise BrowserError("no address: " + "".join(self.lines) + self.log.read())
+
+    def read(self):
+        for line in self.process.stdout:
+            self.lines.append(line)
+            found = re.search(r"http://127\.0\.0\.1:\d+/\S+", line)
+            if found and not self.address:
+                self.address = found.group(0)
+                self.known.set()
+        self.known.set()
+
+    def alive(self):
+        return self.process.poll() is None
+
+    def stop(self):
+        if self.alive():
+            self.process.kill()
+        self.process.wait()
+
+
+class View:
+    """A tab with the page."""
+
+    def __init__(self, browser, address):
+        self.page = browser.open(address)
+        self.page.wait_for("window.marram && marram.player.frames > 0", "the first frame")
+
+    def js(self, expression):
+        return self.page.evaluate(expression)
+
+    def wait(self, expression, what=None):
+        try:
+            return self.page.wait_for(expression, what)
+        except BrowserError as error:
+            print("  " + str(error), flush=True)
+            return False
+
+    # All that was asked for has come, and the strands shown are those at rest.
+    def settle(self):
+        return self.wait("(() => { const p = marram.player; return !p.playing && p.idle() && marram.world.frame !== null; })()", "stillness")
+
+    def digest(self):
+        self.settle()
+        return self.js("marram.world.strands.digest()")
+
+    def row(self, key):
+        return f'.row[data-key="{key}"]'
+
+    def open_row(self, key):
+        self.js(f"""(() => {{ const groups = marram.state.scene.groups, i = groups.findIndex(g => g.params.some(p => p.key === {json.dumps(key)}));
+          document.querySelectorAll('#groups details')[i].open = true; }})()""")
+        self.wait(f"!!document.querySelector({json.dumps(self.row(key))})")
+        return self.row(key)
+
+    def param(self, key):
+        return self.js(f"marram.state.scene.groups.flatMap(g => g.params).find(p => p.key === {json.dumps(key)})")
+
+    def fill(self, selector, text):
+        """Writes into a field and presses Enter."""
+        self.page.click(selector)
+        self.js(f"document.querySelector({json.dumps(selector)}).select()")
+        self.page.type(text)
+        self.page.key("Enter")
+
+    def view_focus(self):
+        self.js("document.querySelector('#live').focus()")
+
+    def picture(self, name):
+        folder = os.environ.get("MARRAM_VIEW_PICTURES")
+        if folder:
+            os.makedirs(folder, exist_ok=True)
+            self.page.screenshot(os.path.join(folder, name + ".png"))
+
+
+def test_opening(view):
+    check("the page opens on a scene", view.js("marram.state.scene.groups.length") > 0)
+    check("strands are drawn", view.js("marram.world.strands.shown") > 0)
+    view.settle()
+    view.wait("!marram.world.dirty")
+    colors = view.js("""(() => { const gl = document.querySelector('#gl').getContext('webgl2'), c = gl.canvas; marram.world.redraw();
+      const p = new Uint8Array(4 * c.width * c.height); gl.readPixels(0, 0, c.width, c.height, gl.RGBA, gl.UNSIGNED_BYTE, p);
+      const seen = new Set(); for (let i = 0; i < p.length; i += 4) seen.add(p[i] << 16 | p[i + 1] << 8 | p[i + 2]); return seen.size; })()""")
+    check("the view has many colours", colors > 200, str(colors))
+    check("the status line tells strands and times", view.wait("/strands, .*chain .* ms, line /.test(document.querySelector('#status').textContent)"))
+    view.picture("view")
+
+
+def test_playing(view):
+    view.view_focus()
+    before = view.digest()
+    view.page.key(" ")
+    check("space plays", view.js("marram.player.playing"))
+    seen = view.js("marram.player.frames")
+    check("new frames come", view.wait(f"marram.player.frames > {seen} + 5"))
+    check("other frames are shown", view.wait(f"marram.world.strands.digest() !== {before}"))
+    view.page.key(" ")
+    check("space pauses", not view.js("marram.player.playing"))
+    view.settle()
+    check("at rest the frame is whole", view.js("Number.isInteger(marram.world.frame) && marram.world.frame === marram.player.time"))
+    view.page.key("Home")
+    first = view.js("marram.state.scene.frames[0]")
+    check("Home goes to the first frame", view.wait(f"marram.world.frame === {first}"))
+    one = view.digest()
+    view.page.key("ArrowRight")
+    check("an arrow steps one frame", view.wait(f"marram.world.frame === {first} + 1"))
+    check("which looks different", view.digest() != one)
+    view.page.key("ArrowRight", "shift")
+    check("with Shift ten", view.wait(f"marram.world.frame === {first} + 11"))
+    view.page.key("End")
+    check("End goes to the last frame", view.wait("marram.world.frame === marram.state.scene.frames[1]"))
+    view.page.drag("#scrub", (0.5, 0.5), (0.25, 0.5))
+    check("the bar scrubs", view.wait("marram.player.idle() && marram.world.frame > marram.state.scene.frames[0] && "
+                                      "marram.world.frame < marram.state.scene.frames[1] / 2"))
+    view.fill("#frame", "7.5")
+    check("a part of a frame can be asked for", view.wait("marram.world.frame === 7.5"))
+    view.js("(() => { const s = document.querySelector('#speed'); s.value = 'every'; s.dispatchEvent(new Event('change')); })()")
+    view.js("window.shown_frames = []; marram.on('shown', h => shown_frames.push(h.frame)); document.querySelector('#play').click()")
+    view.wait("shown_frames.length > 6")
+    view.js("document.querySelector('#play').click(); const s = document.querySelector('#speed'); s.value = '1'; s.dispatchEvent(new Event('change'))")
+    frames = view.js("shown_frames.slice(1, 7)")
+    check("every frame in turn", all(b == a + 1 or b == first for a, b in zip(frames, frames[1:])), str(frames))
+    view.page.key("Home")
+    view.settle()
+
+
+def test_editing(view):
+    row = view.open_row("wind.speed")
+    at_first, value = view.digest(), view.param("wind.speed")["value"]
+    view.page.drag(row + " input[type=range]", (0.4, 0.5), (0.85, 0.5), steps=12)
+    check("a slider changes the value", view.wait("marram.state.scene.changes.length === 1") and view.param("wind.speed")["value"] != value)
+    check("the strands move", view.wait(f"marram.player.idle() && marram.world.strands.digest() !== {at_first}"))
+    check("the value is marked", view.js(f"document.querySelector('{row}').classList.contains('changed')"))
+    view.picture("changed")
+    text = view.js("marram.options_text()")
+    check("copy gives --set", text.startswith("--set 'wind.speed="), text)
+    for _ in range(60):
+        if not view.js("marram.state.scene.undo"):
+            break
+        revision = view.js("marram.state.scene.revision")
+        view.view_focus()
+        view.page.key("z", "ctrl")
+        view.wait(f"marram.state.scene.revision !== {revision}")
+    check("undo goes back", view.param("wind.speed")["value"] == value and not view.js("marram.state.scene.changes.length"))
+    check("and restores the strands", view.digest() == at_first)
+    view.page.key("Z", "ctrl", "shift")
+    check("redo", view.wait("marram.state.scene.changes.length === 1"))
+    view.page.click(row + " .dot")
+    check("the dot resets the value", view.wait("marram.state.scene.changes.length === 0"))
+
+
+def test_searching(view):
+    view.view_focus()
+    view.page.key("/")
+    check("/ goes to the search", view.js("document.activeElement.id") == "search")
+    view.page.type("speed")
+    check("a search shows what it finds", view.wait("document.querySelector('.row[data-key=\"wind.speed\"]').offsetHeight > 0"))
+    shown = view.js("[...document.querySelectorAll('.row')].filter(r => r.offsetHeight).length")
+    everything = view.js("marram.state.scene.groups.flatMap(g => g.params).length")
+    check("and hides the rest", 0 < shown < everything, f"{shown} of {everything}")
+    view.picture("search")
+    view.page.key("Escape")
+    check("Escape ends it", view.js("document.querySelector('#search').value") == "")
+
+
+def test_ramps(view):
+    row = view.open_row("wind.ramp_rotate")
+    before, strands = view.param("wind.ramp_rotate")["value"], view.digest()
+    knots = lambda: view.js(f"document.querySelectorAll('{row} circle').length")
+    count = knots()
+    view.page.click(row + " svg", count=2, at=(0.5, 0.3))
+    check("a double click adds a knot", view.wait(f"document.querySelectorAll('{row} circle').length === {count + 1}"))
+    check("the program has it", view.wait(f"marram.state.scene.changes.some(c => c.startsWith('wind.ramp_rotate'))"))
+    check("it bends the strands", view.wait(f"marram.player.idle() && marram.world.strands.digest() !== {strands}"))
+    value = view.param("wind.ramp_rotate")["value"]
+    view.page.drag(row + " svg", (0.5, 0.3), (0.6, 0.8))
+    check("a knot can be dragged", view.wait(f"marram.state.scene.groups.flatMap(g => g.params).find(p => p.key === 'wind.ramp_rotate').value !== {json.dumps(value)}"))
+    view.js(f"document.querySelector('{row} svg').focus()")
+    view.page.key("Delete")
+    check("Delete removes it", view.wait(f"document.querySelectorAll('{row} circle').length === {count}"))
+    view.fill(row + " .under input", "[[0, 0.1], [0.5, 0.9], [1, 1]]")
+    check("its text can be written", view.wait(f"document.querySelectorAll('{row} circle').length === 3"))
+    view.picture("ramp")
+    view.js("document.querySelector('#reset').click()")
+    check("reset", view.wait("marram.state.scene.changes.length === 0") and view.param("wind.ramp_rotate")["value"] == before)
+
+
+def test_problems(view):
+    row = view.open_row("wind.global_rotate")
+    good = view.digest()
+    view.fill(row + " .number", "-7")
+    check("a bad value shows a problem", view.wait("!document.querySelector('#problems').hidden && document.querySelector('#problems').textContent.includes('global_rotate')"))
+    check("its field is marked", view.js(f"document.querySelector('{row}').classList.contains('wrong')"))
+    view.picture("problem")
+    check("the strands stay", view.digest() == good)
+    view.fill(row + " .number", "0.3")
+    check("a good value ends it", view.wait("document.querySelector('#problems').hidden || document.querySelector('#problems').classList.contains('mild')"))
+    check("and takes effect", view.wait(f"marram.player.idle() && marram.world.strands.digest() !== {good}"))
+    view.js("document.querySelector('#reset').click()")
+    view.wait("marram.state.scene.changes.length === 0")
+
+
+def test_camera(view):
+    view.view_focus()
+    at = "JSON.stringify(marram.world.camera.position.toArray().map(x => +x.toFixed(4)))"
+    home = view.js(at)
+    view.page.drag("#live", (0.4, 0.5), (0.6, 0.55))
+    check("a drag orbits", view.js(at) != home)
+    view.page.key("c")
+    check("C goes back to the scene's camera", view.js(at) == home)
+    view.page.key("f")
+    check("F frames the strands", view.js(at) != home)
+    view.page.key("c")
+
+
+def test_rendering(view):
+    view.settle()
+    view.view_focus()
+    view.js("(() => { const s = document.querySelector('#samples'); s.value = '16'; })()")
+    view.page.key("r")
+    check("R shows a picture", view.wait("marram.picture.images > 0 && !document.querySelector('#picture').classList.contains('waiting')"))
+    view.wait("marram.picture.width > 240 || marram.picture.done")
+    few = view.js("marram.picture.images")
+    check("it refines until done", view.wait("marram.picture.done") and view.js("marram.picture.images") >= few)
+    check("with all samples", view.js("marram.picture.samples") == 16)
+    colors = """(() => { const c = document.querySelector('#picture_b'), d = c.getContext('2d').getImageData(0, 0, c.width, c.height).data;
+      const seen = new Set(); for (let i = 0; i < d.length; i += 4) seen.add(d[i] << 16 | d[i + 1] << 8 | d[i + 2]); return seen.size; })()"""
+    check("the picture has many colours", view.js(colors) > 200)
+    view.picture("render")
+    view.page.key("a")
+    check("A keeps it", view.js("!document.querySelector('#picture_a').hidden"))
+    images = view.js("marram.picture.images")
+    view.page.drag("#live", (0.2, 0.6), (0.25, 0.6))
+    check("a camera move begins anew", not view.js("marram.picture.done") and view.wait(f"marram.picture.done && marram.picture.images > {images}"))
+    view.picture("compare")
+    view.page.key("p")
+    check("P places it beside", view.wait("marram.picture.done && document.querySelector('#picture').getBoundingClientRect().left > 100"))
+    view.picture("beside")
+    view.page.key("Escape")
+    check("Escape goes back to the live view", view.js("document.querySelector('#picture').hidden"))
+    view.page.key("c")
+    view.settle()
+
+
+def test_tabs(browser, program, first):
+    second = View(browser, program.address)
+    check("a second tab opens", second.js("marram.world.strands.shown") > 0)
+    row = second.open_row("wind.speed")
+    second.fill(row + " .number", "9")
+    check("tabs share values", second.wait("marram.state.scene.changes.length === 1") and first.wait("marram.state.scene.changes.length === 1"))
+    second.view_focus()
+    second.page.key(" ")
+    second.wait("marram.player.frames > 8")
+    errors = list(second.page.errors)
+    second.page.close()
+    check("no errors in the second tab", not errors, "; ".join(errors))
+    first.page.activate()
+    seen = first.js("marram.player.frames")
+    first.view_focus()
+    first.page.key("ArrowRight")
+    check("the first goes on after the second was closed while it played", first.wait(f"marram.player.frames > {seen}") and program.alive())
+    third = View(browser, program.address)
+    third.page.key("r")
+    third.wait("marram.picture.images > 0")
+    third.page.close()
+    first.page.activate()
+    first.page.key("ArrowRight")
+    check("and after one was closed while it rendered", first.wait(f"marram.player.frames > {seen} + 1") and program.alive())
+
+
+def test_end(view, program):
+    check("no errors in the console", not view.page.errors, "; ".join(view.page.errors))
+    check("no message was ignored", not [w for w in view.page.warnings if "ignored" in w], "; ".join(view.page.warnings))
+    program.stop()
+    check("a line tells that the program has ended", view.wait("document.querySelector('#notice').textContent.startsWith('The program has ended') && !document.querySelector('#notice').hidden"))
+    view.picture("ended")
+    check("the view stays", view.js("marram.world.strands.shown") > 0)
+
+
+def main():
+    here = os.path.dirname(os.path.abspath(__file__))
+    program_path = sys.argv[1] if len(sys.argv) > 1 else os.path.join(here, "../../build/marram")
+    if not shutil.which("chromium"):
+        print("skipped: there is no chromium")
+        return 77
+    folder = tempfile.mkdtemp(prefix="marram_view_test_")
+    scene = sys.argv[2] if len(sys.argv) > 2 else os.path.join(folder, "lawn.toml")
+    if len(sys.argv) <= 2:
+        with open(scene, "w") as file:
+            file.write(SCENE)
+    program = None
+    try:
+        program = Program(program_path, scene)
+        with Browser() as browser:
+            view = View(browser, program.address)
+            for test in (test_opening, test_playing, test_editing, test_searching, test_ramps, test_problems, test_camera, test_rendering):
+                test(view)
+            test_tabs(browser, program, view)
+            test_end(view, program)
+    except BrowserError as error:
+        check(str(error), False)
+    finally:
+        if program:
+            program.stop()
+        shutil.rmtree(folder, ignore_errors=True)
+    print(f"{failed} failed" if failed else "all passed")
+    return 1 if failed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

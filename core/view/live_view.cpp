@@ -23,8 +23,9 @@ namespace {
 
 using nlohmann::json;
 
-constexpr double look_at_files = 0.25;         // s between looks at the scene's files
-constexpr size_t max_mesh_triangles = 200'000; // of a mesh on a page
+constexpr double look_at_files = 0.25;           // s between looks at the scene's files
+constexpr size_t max_mesh_triangles = 200'000;   // of a mesh on a page
+constexpr size_t max_unread = size_t(256) << 20; // bytes that may wait before a frame is left out
 constexpr size_t max_unsent = size_t(1)
                               << 20; // bytes that may wait before another state of a picture is sent
 
@@ -217,6 +218,7 @@ void LiveView::change(const ChangeRequest& change) {
 void LiveView::handle(std::vector<ChangeRequest> changes) {
     if (changes.empty()) return;
     inbox_.end_pictures();
+    free_picture();
     picture_.reset();
     const uint64_t before = scene_.revision();
     const Shot* const shot = scene_.shot();
@@ -291,7 +293,8 @@ void LiveView::serve_frame(ViewClient client, const StrandsRequest& request) {
     if (page == pages_.end()) return;
     bool answered = false;
     free_picture();
-    if (scene_.shot())
+    const bool reads = server_->unsent_bytes(client) < max_unread; // else it asks faster than it takes
+    if (scene_.shot() && reads)
         attempt(frame_problems_, [&] {
             Shot& shot = *scene_.shot();
             const double begin = wall_seconds();

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What pages ask for, until the view has time for it. Nothing queues up: of a page's frames the newest two
+// What pages ask for, until the view has time for it. Queues are bounded: of a page's frames the newest two
 // wait, of its pictures the newest, and of changes of one value the newest.
 #pragma once
 
@@ -65,7 +65,8 @@ class Inbox {
     void end_picture(ViewClient client, uint64_t seq);
     void end_pictures(); // all: their scene has changed
 
-    // Set when something arrives that the present work should stop for. A change stops any work; another
+    // begin_*: clears stop_work() and notes what is worked on. stop_work() is set when something arrives that
+    // the present work should stop for. A change stops any work; another
     // frame or picture stops a picture; a frame of fewer strands one of more, of the same client.
     void begin_work(bool is_picture);
     void begin_frame(ViewClient client, uint32_t budget);

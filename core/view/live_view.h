@@ -6,7 +6,7 @@
 //         -> strand_packing, mesh_packing or the film -> server
 //
 // All work on the scene is done in run(), one piece after another: changes first, then frames, then a
-// picture, which stops for both within a tile's time. Nothing is written but by "save".
+// picture, which stops for both within a tile's time. No file is written but by "save".
 #pragma once
 
 #include "core/view/inbox.h"

@@ -43,12 +43,18 @@ std::vector<std::string> OpenScene::settings() const {
     return settings;
 }
 
+// A view writes no states of simulations beside the scene, unless it is told a folder.
+std::unique_ptr<Shot> OpenScene::load_with(const Overrides& overrides) const {
+    auto loaded = std::make_unique<Shot>(load_shot(file_, overrides, stop_));
+    if (overrides_.state_folder.empty()) loaded->state_folder.clear();
+    return loaded;
+}
+
 void OpenScene::load() {
     stamps_ = stamps_now();
     Overrides overrides = overrides_;
     overrides.settings = settings();
-    auto loaded = std::make_unique<Shot>(load_shot(file_, overrides, stop_));
-    shot_ = std::move(loaded);
+    shot_ = load_with(overrides);
     ++revision_;
     read_stamps();
 }
@@ -60,7 +66,7 @@ void OpenScene::apply(const ChangedValues& values) {
     if (!update_shot(*shot_, describe_scene(file_, settings, *shot_->plugins))) {
         Overrides overrides = overrides_;
         overrides.settings = settings;
-        shot_ = std::make_unique<Shot>(load_shot(file_, overrides, stop_));
+        shot_ = load_with(overrides);
         read_stamps();
     }
     ++revision_;

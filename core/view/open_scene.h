@@ -45,6 +45,7 @@ class OpenScene {
 
     void take(ChangedValues values); // as the newest of the history
     void apply(const ChangedValues& values);
+    std::unique_ptr<Shot> load_with(const Overrides& overrides) const;
     void read_stamps();
     Stamps stamps_now() const;
 

@@ -14,10 +14,11 @@
 
 namespace marram {
 
-// Neighbouring strands with a box of their own, in which 16-bit positions are counted.
+// A run of strands whose positions are quantized to 16 bits in a bounding box of their own, which is sent with
+// each frame.
 struct StrandChunk {
     uint64_t first_vertex = 0, vertices = 0; // of the part's chosen strands
-    size_t first = 0, last = 0;              // chosen strands
+    size_t first = 0, last = 0;              // [first, last) in StrandPart::strands
 };
 
 // The chosen strands of one CurveGeometry.
@@ -39,7 +40,7 @@ uint64_t layout_digest(const World& world);
 uint64_t all_strands(const World& world);        // with those that BuildSettings::share left out
 double share_for(uint32_t budget, uint64_t all); // BuildSettings::share for about so many strands of all
 
-// budget: at most about so many strands in all.
+// budget: target number of strands over all curves; their hashes decide, so it may be exceeded a little.
 StrandSelection select_strands(const World& world, uint32_t budget, uint64_t layout);
 
 // The colours of a part, linear.

@@ -34,9 +34,9 @@
 // mean wind: carried by v, they would be sheared without end. Rays for shelter go upwind of the mean wind.
 //
 // ERROR: in double, samples in float; the response is stored as a float, off by less than 1e-6
-// (local_wind_test.cpp, field_shapes_test.cpp). COST of a root, beside what all roots cost: 4 to 6 ns in a
-// sphere or box, 14 in a grid and 22 if it is staggered, 28 and 40 between two of its frames, 10 in an image,
-// 9 along curves (marram_bench, "field"); a patch outside a field does not pay for it.
+// (local_wind_test.cpp, field_shapes_test.cpp). COST: tens of nanoseconds a root and
+// field, least in a sphere, most between two frames of a staggered grid (marram_bench, "field", prints each);
+// a patch outside a field does not pay for it.
 #pragma once
 
 #include "core/math/ramp.h"

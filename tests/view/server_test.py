@@ -292,6 +292,13 @@ def main():
                 file.write(SCENE)
             check("and is taken up when it is corrected", page.until("scene")["frames"] == [1, 48])
             page.close()
+        shutil.copy(os.path.join(scenes, "wind_bend.toml"), folder)
+        with Program(marram, os.path.join(folder, "wind_bend.toml")) as program:
+            page = Page(program.address)
+            page.until("scene")
+            ask(page, 1, 2, 100)
+            page.until("frame")
+            check("a simulation leaves no states behind", not os.path.exists(os.path.join(folder, "wind_bend.states")))
         taken = Program(marram, scene)
         port = taken.address.split(":")[2].split("/")[0]
         second = subprocess.run([marram, "view", scene, "--no-open", "--port", port], capture_output=True, text=True)

@@ -413,8 +413,8 @@ int threads_of(const CommonOptions& options) {
 
 Shot open_shot(const CommonOptions& options, bool uses_lights) {
     Shot shot = load_shot(options.scene, options.overrides, interrupted());
-    for (const std::string& warning : shot.warnings) print_message("{}\n", warning);
-    for (const std::string& warning : shot.light_warnings)
+    for (const std::string& warning : warnings_of(shot)) print_message("{}\n", warning);
+    for (const std::string& warning : light_warnings_of(shot))
         if (uses_lights) print_message("{}\n", warning);
     return shot;
 }

@@ -78,8 +78,8 @@ class Procedural {
     // What it does in the shot, in a few lines; "" if it does not say.
     std::string summarize();
     std::vector<std::string> take_warnings();
-    // Of the files that its values name, since the last call; one line each.
-    std::vector<std::string> take_file_warnings() { return std::exchange(file_warnings_, {}); }
+    // Of the files that its values name; one line each.
+    const std::vector<std::string>& file_warnings() const { return file_warnings_; }
     std::vector<std::string> take_common_warnings(); // see MARRAM_COMMON_WARNING
     // Takes the values of another description of the same procedural. `inputs` (MarramChange): what has
     // changed of the geometry that it depends on. Returns what has changed of its output. A procedural that

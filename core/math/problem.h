@@ -19,9 +19,10 @@ struct Place {
 
 struct Problem {
     Place place;
-    std::string what; // what is wrong
-    std::string fix;  // what to do about it
-    std::string id{}; // for programs: "groom.no_mesh"; "": none
+    std::string what;           // what is wrong
+    std::string fix;            // what to do about it
+    std::string id{};           // for programs: "groom.no_mesh"; "": none
+    std::string missing_file{}; // if that is what is wrong
 };
 
 inline std::string to_string(const Place& place) {

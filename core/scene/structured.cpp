@@ -296,10 +296,12 @@ bool read_path(const toml::node& node, const ParamSpec& spec, const std::string&
                                   label, shown),
                               "name one file");
         const std::string near = nearest_file(path);
-        return fail(fmt::format("{}: there is no file {}", label, shown),
-                    !near.empty() ? fmt::format("did you mean {}?", in_quotes(near))
-                    : library ? "check the path, relative to the scene file's folder, or MARRAM_PLUGIN_PATH"
-                              : "check the path, it is relative to the scene file's folder");
+        fail(fmt::format("{}: there is no file {}", label, shown),
+             !near.empty() ? fmt::format("did you mean {}?", in_quotes(near))
+             : library     ? "check the path, relative to the scene file's folder, or MARRAM_PLUGIN_PATH"
+                           : "check the path, it is relative to the scene file's folder");
+        reading.problems.back().missing_file = path.string();
+        return false;
     }
     if (status.type() == fs::file_type::directory)
         return fail(fmt::format("{}: {} is a directory", label, shown), "name a file in it");

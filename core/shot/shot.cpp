@@ -172,8 +172,8 @@ void load_meshes(Shot& shot, const std::atomic<bool>& cancel, ProblemCollector& 
         const ParamValue& keys = item.params.at("transform");
         mesh.transform = KeyedTransform(keys.numbers, keys.text);
         collect_problems([&] {
-            mesh.mesh = load_scene_mesh(item, shot.warnings);
-            warn_of_size(mesh, item, description.globals.vec2("frames").x(), shot.warnings);
+            mesh.mesh = load_scene_mesh(item, shot.geometry_warnings);
+            warn_of_size(mesh, item, description.globals.vec2("frames").x(), shot.geometry_warnings);
             if (item.type == "file") mesh.shapes = load_shapes(item, mesh.mesh, cancel);
         });
         for (size_t i = 0; i < description.lights.size(); ++i)
@@ -336,8 +336,8 @@ Shot load_shot(const std::string& file, const Overrides& overrides, const std::a
         collect_problems([&] { resolve_blends(description.materials, shot.materials); });
     for (const Item& item : description.lights)
         collect_problems([&] {
-            shot.light_parts.push_back(make_light(item, shot.light_warnings));
             std::vector<std::string> said;
+            shot.light_parts.push_back(make_light(item, shot.light_warnings.emplace_back()));
             check_keys(item, [&](const Item& at_key) { make_light(at_key, said); });
         });
     gather_lights(shot);
@@ -348,7 +348,7 @@ Shot load_shot(const std::string& file, const Overrides& overrides, const std::a
     for (const Item& item : description.curves)
         collect_problems([&] {
             shot.geometry.curves.push_back(
-                load_scene_curves(item, description.globals.number("fps"), cancel, shot.warnings));
+                load_scene_curves(item, description.globals.number("fps"), cancel, shot.geometry_warnings));
         });
     for (const auto& [path, library] : shot.plugins->libraries) {
         const std::vector<MarramReportEntry>& entries = library->report_entries();
@@ -362,24 +362,35 @@ Shot load_shot(const std::string& file, const Overrides& overrides, const std::a
                                                            description.wind, cancel, carried);
             procedural->material = material_of(description, item);
             procedural->roles = role_bits(item.params);
-            std::ranges::move(procedural->take_file_warnings(), std::back_inserter(shot.warnings));
             shot.geometry.procedurals.push_back(std::move(procedural));
         });
     collect_problems([&] { camera_at(description, description.globals.vec2("frames").x()); });
     collect_problems.raise();
     if (overrides.makes_pictures) load_image_library();
     tasks.wait();
-    if (shot.lights.empty()) {
-        shot.light_warnings.push_back(
-            fmt::format("{}: the scene has no light: it is lit by a plain sky", file));
-        shot.lights.push_back(SkyLight{});
-    }
+    if (shot.lights.empty()) shot.lights.push_back(SkyLight{});
+    return shot;
+}
+
+std::vector<std::string> warnings_of(const Shot& shot) {
+    std::vector<std::string> all = shot.geometry_warnings;
+    for (const auto& procedural : shot.geometry.procedurals)
+        std::ranges::copy(procedural->file_warnings(), std::back_inserter(all));
     if (has_shadow_catcher(shot) && infinite_lights(shot).seen > 0)
-        shot.warnings.push_back(
+        all.push_back(
             fmt::format("{}: a mesh is a shadow catcher, but the camera sees the sky, which adds its light "
                         "to the background: add seen_by_camera = false to the lights",
-                        file));
-    return shot;
+                        shot.description.file));
+    return all;
+}
+
+std::vector<std::string> light_warnings_of(const Shot& shot) {
+    std::vector<std::string> all;
+    for (const auto& warnings : shot.light_warnings) std::ranges::copy(warnings, std::back_inserter(all));
+    if (shot.light_parts.empty())
+        all.push_back(
+            fmt::format("{}: the scene has no light: it is lit by a plain sky", shot.description.file));
+    return all;
 }
 
 namespace {
@@ -441,8 +452,11 @@ bool update_shot(Shot& shot, SceneDescription changed) {
         collect_problems([&] {
             const Item& item = changed.lights[i];
             const bool same = same_values(item.params, before.lights[i].params);
-            now.light_parts.push_back(same ? shot.light_parts[i] : make_light(item, now.light_warnings));
-            if (!same) check_keys(item, [&](const Item& at) { make_light(at, now.light_warnings); });
+            auto& warnings = now.light_warnings.emplace_back();
+            if (same) warnings = shot.light_warnings[i];
+            now.light_parts.push_back(same ? shot.light_parts[i] : make_light(item, warnings));
+            std::vector<std::string> said;
+            if (!same) check_keys(item, [&](const Item& at) { make_light(at, said); });
         });
     collect_problems([&] { camera_at(changed, changed.globals.vec2("frames").x()); });
     collect_problems.raise();
@@ -460,14 +474,13 @@ bool update_shot(Shot& shot, SceneDescription changed) {
                            back);
         throw;
     }
-    for (size_t i = 0; i < shot.description.procedurals.size(); ++i) {
-        Procedural& procedural = *shot.geometry.procedurals[i];
-        procedural.material = material_of(shot.description, shot.description.procedurals[i]);
-        std::ranges::move(procedural.take_file_warnings(), std::back_inserter(shot.warnings));
-    }
+    for (size_t i = 0; i < shot.description.procedurals.size(); ++i)
+        shot.geometry.procedurals[i]->material =
+            material_of(shot.description, shot.description.procedurals[i]);
     shot.materials = std::move(now.materials);
     if (shot.light_parts.empty()) return true; // a plain sky stands in
     shot.light_parts = std::move(now.light_parts);
+    shot.light_warnings = std::move(now.light_warnings);
     gather_lights(shot);
     return true;
 }

@@ -94,7 +94,7 @@ std::optional<ChangeRequest> change_request(const std::string& type, const json&
 
 void Inbox::arrived(bool is_change) {
     fresh_ = true;
-    if (is_change || works_on_picture_) stop_work_ = true;
+    if (work_ == Work::picture || (work_ == Work::frame && is_change)) stop_work_ = true;
     something_.notify_one();
 }
 
@@ -123,7 +123,8 @@ bool Inbox::take(ViewClient client, std::string_view text, std::vector<uint64_t>
         if (type == "frame") {
             from.picture.reset(); // the page plays or has changed
             from.frames.push_back(strands_request(message));
-            if (client == works_for_ && from.frames.back().budget < works_on_budget_) stop_work_ = true;
+            if (work_ == Work::frame && client == works_for_ && from.frames.back().budget < works_on_budget_)
+                stop_work_ = true;
             for (; from.frames.size() > frames_waiting; from.frames.pop_front())
                 skipped.push_back(from.frames.front().seq);
             arrived(false);
@@ -204,18 +205,20 @@ void Inbox::end_pictures() {
     for (auto& [client, state] : clients_) state.picture.reset();
 }
 
-void Inbox::begin_work(bool is_picture) { begin(is_picture, 0, 0); }
+void Inbox::begin_change() { begin(Work::change, 0, 0); }
 
-void Inbox::begin_frame(ViewClient client, uint32_t budget) { begin(false, client, budget); }
+void Inbox::begin_frame(ViewClient client, uint32_t budget) { begin(Work::frame, client, budget); }
 
-void Inbox::begin(bool is_picture, ViewClient client, uint32_t budget) {
+void Inbox::begin_picture() { begin(Work::picture, 0, 0); }
+
+void Inbox::begin(Work work, ViewClient client, uint32_t budget) {
     const std::lock_guard lock(mutex_);
-    works_on_picture_ = is_picture;
+    work_ = work;
     works_for_ = client;
     works_on_budget_ = budget;
     const bool frames =
         std::ranges::any_of(clients_, [](const auto& entry) { return !entry.second.frames.empty(); });
-    stop_work_ = ended_ || !changes_.empty() || (is_picture && frames);
+    stop_work_ = ended_ || (work != Work::change && !changes_.empty()) || (work == Work::picture && frames);
 }
 
 std::vector<ViewClient> Inbox::clients() {

@@ -66,10 +66,11 @@ class Inbox {
     void end_pictures(); // all: their scene has changed
 
     // begin_*: clears stop_work() and notes what is worked on. stop_work() is set when something arrives that
-    // the present work should stop for. A change stops any work; another
+    // the present work should stop for. A change stops frames and pictures, but no other change; another
     // frame or picture stops a picture; a frame of fewer strands one of more, of the same client.
-    void begin_work(bool is_picture);
+    void begin_change();
     void begin_frame(ViewClient client, uint32_t budget);
+    void begin_picture();
     const std::atomic<bool>& stop_work() const { return stop_work_; }
     std::vector<ViewClient> clients(); // that are connected
     void end_all();                    // stops the present work, and wait() returns at once from now on
@@ -81,7 +82,8 @@ class Inbox {
         std::optional<PictureRequest> picture;
     };
     void arrived(bool is_change);
-    void begin(bool is_picture, ViewClient client, uint32_t budget);
+    enum class Work { change, frame, picture };
+    void begin(Work work, ViewClient client, uint32_t budget);
 
     std::mutex mutex_;
     std::condition_variable something_;
@@ -91,7 +93,8 @@ class Inbox {
     ViewClient last_served_ = 0;
     ViewClient works_for_ = 0; // of a frame
     uint32_t works_on_budget_ = 0;
-    bool fresh_ = false, works_on_picture_ = false, ended_ = false;
+    Work work_ = Work::change;
+    bool fresh_ = false, ended_ = false;
     std::atomic<bool> stop_work_{false};
 };
 

@@ -14,6 +14,7 @@
 #include <chrono>
 #include <filesystem>
 #include <functional>
+#include <iterator>
 #include <random>
 #include <thread>
 #include <utility>
@@ -157,9 +158,9 @@ json LiveView::scene_message() {
     const Shot& shot = *scene_.shot();
     const ParamSet& globals = shot.description.globals;
     const Vec2d frames = globals.vec2("frames");
-    std::vector<std::string> warnings = shot.warnings;
-    for (const auto* more : {&shot.light_warnings, &std::as_const(build_warnings_)})
-        warnings.insert(warnings.end(), more->begin(), more->end());
+    std::vector<std::string> warnings = warnings_of(shot);
+    std::ranges::move(light_warnings_of(shot), std::back_inserter(warnings));
+    std::ranges::copy(build_warnings_, std::back_inserter(warnings));
     std::vector<std::string> layers;
     for (const BuiltInLayer& layer : built_in_layers()) layers.emplace_back(layer.name);
     json changes = json::array();
@@ -191,7 +192,7 @@ void LiveView::load() {
     kept_ = {};
     picture_.reset();
     if (!attempt(change_problems_, [&] { scene_.load(); })) return;
-    attempt(frame_problems_, [&] { look_at_first_frame(); });
+    bounds_are_due_ = !attempt(frame_problems_, [&] { look_at_first_frame(); });
     tell_all(scene_message());
 }
 
@@ -220,14 +221,14 @@ void LiveView::handle(std::vector<ChangeRequest> changes) {
     inbox_.end_pictures();
     free_picture();
     picture_.reset();
-    const uint64_t before = scene_.revision();
-    const Shot* const shot = scene_.shot();
+    const uint64_t before = scene_.revision(), loads = scene_.loads();
     for (const ChangeRequest& request : changes) attempt(change_problems_, [&] { change(request); });
     if (scene_.revision() == before) return;
-    if (scene_.shot() != shot) { // loaded anew
+    if (scene_.loads() != loads) {
         kept_ = {};
-        attempt(frame_problems_, [&] { look_at_first_frame(); });
+        bounds_are_due_ = true;
     }
+    if (bounds_are_due_) bounds_are_due_ = !attempt(frame_problems_, [&] { look_at_first_frame(); });
     tell_all(scene_message());
 }
 
@@ -238,8 +239,8 @@ void LiveView::send_meshes(ViewClient client, Page& page, const World& world, Wi
     bool same_meshes = page.meshes.size() == count && page.revision == scene_.revision();
     for (size_t i = 0; i < count; ++i) {
         const MeshGeometry& mesh = world.meshes[i];
-        now[i] = {topology_of(mesh), mesh.digest};
-        if (drawn_[i].topology != now[i].first) drawn_[i] = drawn_mesh(mesh, max_mesh_triangles);
+        if (drawn_[i].topology != topology_of(mesh)) drawn_[i] = drawn_mesh(mesh, max_mesh_triangles);
+        now[i] = {drawn_[i].number, mesh.digest};
         same_meshes = same_meshes && page.meshes[i].first == now[i].first;
     }
     frame.header["meshes"] = json::array();
@@ -374,14 +375,14 @@ bool LiveView::work() {
     for (const ViewClient client : inbox_.take_left_clients()) pages_.erase(client);
     for (const ViewClient client : inbox_.take_new_clients()) welcome(client);
     if (std::vector<ChangeRequest> changes = inbox_.take_changes(); !changes.empty()) {
-        inbox_.begin_work(false);
+        inbox_.begin_change();
         handle(std::move(changes));
         return true;
     }
     if (wall_seconds() >= next_look_) {
         next_look_ = wall_seconds() + look_at_files;
         if (scene_.files_changed()) {
-            inbox_.begin_work(false);
+            inbox_.begin_change();
             inbox_.end_pictures();
             load();
             return true;
@@ -393,7 +394,7 @@ bool LiveView::work() {
         return true;
     }
     if (const auto picture = inbox_.picture()) {
-        inbox_.begin_work(true);
+        inbox_.begin_picture();
         busy_since_ = 0.0; // its own samples show the progress
         work_on_picture(picture->first, picture->second);
         return true;
@@ -405,7 +406,7 @@ void LiveView::run() {
     const std::jthread progress([this](const std::stop_token& end) { show_progress(end); });
     tbb::task_arena arena(settings_.threads);
     arena.execute([&] {
-        inbox_.begin_work(false);
+        inbox_.begin_change();
         busy_since_ = wall_seconds();
         load();
         while (!ended_) {

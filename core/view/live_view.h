@@ -48,7 +48,7 @@ class LiveView {
     struct Page {
         uint64_t revision = 0, selection = 0; // 0: nothing
         std::optional<StrandSelection> strands;
-        std::vector<std::pair<uint64_t, uint64_t>> meshes; // topology and digest
+        std::vector<std::pair<uint64_t, uint64_t>> meshes; // number of its DrawnMesh, digest
     };
 
     void handle(std::vector<ChangeRequest> changes);
@@ -84,6 +84,7 @@ class LiveView {
         frame_problems_;      // of the last change and of the last frame or picture
     nlohmann::json problems_; // the message about both
     nlohmann::json bounds_;   // of the scene's first frame
+    bool bounds_are_due_ = true;
     std::vector<std::string> build_warnings_;
     uint64_t all_strands_ = 0; // of the last frame, shown or not
     uint64_t last_selection_ = 0;

@@ -4,6 +4,7 @@
 #include "core/math/digest.h"
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <numeric>
 #include <unordered_map>
@@ -68,6 +69,8 @@ DrawnMesh drawn_mesh(const MeshGeometry& mesh, size_t max_triangles) {
         drawn.vertices.resize(mesh.positions.front().size());
         std::iota(drawn.vertices.begin(), drawn.vertices.end(), 0U);
     }
+    static std::atomic<uint64_t> last = 0;
+    drawn.number = ++last;
     drawn.topology = topology_of(mesh);
     return drawn;
 }

@@ -14,7 +14,8 @@ namespace marram {
 // Vertices of a mesh, one of each cell of a grid, and the triangles between them. The same vertices while
 // the mesh moves.
 struct DrawnMesh {
-    uint64_t topology = 0;
+    uint64_t number = 0;            // another of each drawn_mesh()
+    uint64_t topology = 0;          // of the mesh
     std::vector<uint32_t> vertices; // indices into the mesh's
     std::vector<std::array<uint32_t, 3>> triangles;
 };

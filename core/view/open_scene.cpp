@@ -44,17 +44,23 @@ std::vector<std::string> OpenScene::settings() const {
 }
 
 // A view writes no states of simulations beside the scene, unless it is told a folder.
-std::unique_ptr<Shot> OpenScene::load_with(const Overrides& overrides) const {
-    auto loaded = std::make_unique<Shot>(load_shot(file_, overrides, stop_));
-    if (overrides_.state_folder.empty()) loaded->state_folder.clear();
-    return loaded;
+void OpenScene::load_with(const Overrides& overrides) {
+    shot_ = std::make_unique<Shot>(load_shot(file_, overrides, stop_));
+    if (overrides_.state_folder.empty()) shot_->state_folder.clear();
+    ++loads_;
 }
 
 void OpenScene::load() {
     stamps_ = stamps_now();
     Overrides overrides = overrides_;
     overrides.settings = settings();
-    shot_ = load_with(overrides);
+    try {
+        load_with(overrides);
+    } catch (const InputError& error) {
+        for (const Problem& problem : error.problems)
+            if (!problem.missing_file.empty()) stamps_.try_emplace(problem.missing_file);
+        throw;
+    }
     ++revision_;
     read_stamps();
 }
@@ -66,9 +72,9 @@ void OpenScene::apply(const ChangedValues& values) {
     if (!update_shot(*shot_, describe_scene(file_, settings, *shot_->plugins))) {
         Overrides overrides = overrides_;
         overrides.settings = settings;
-        shot_ = load_with(overrides);
-        read_stamps();
+        load_with(overrides);
     }
+    read_stamps();
     ++revision_;
 }
 
@@ -113,13 +119,13 @@ void OpenScene::save() {
     AtomicFile file(file_);
     file.write(text);
     file.commit();
+    stamps_[file_] = stamps_now()[file_];
     for (const auto& [key, value] : changed()) // the file has them now
         std::erase_if(overrides_.settings,
                       [&](const std::string& given) { return given.starts_with(key + "="); });
     history_ = {{}};
     at_ = 0;
     apply({});
-    stamps_[file_] = stamps_now()[file_];
 }
 
 OpenScene::Stamps OpenScene::stamps_now() const {
@@ -146,7 +152,8 @@ void OpenScene::read_stamps() {
 
 bool OpenScene::files_changed() {
     Stamps now = stamps_now();
-    if (now == stamps_) return false;
+    const bool settled = now == std::exchange(seen_, now);
+    if (now == stamps_ || !settled) return false;
     stamps_ = std::move(now);
     return true;
 }

@@ -28,8 +28,8 @@ class OpenScene {
     void reset(); // all values back to the file's
     void save();  // writes the changed values into the scene file
 
-    // Whether a file of the scene has been written since it was read; asked for at intervals. Tells each
-    // change once.
+    // Whether a file of the scene has been written since it was read, and not since the last call: writing it
+    // is over. Asked for at intervals. Tells each change once.
     bool files_changed();
 
     Shot* shot() { return shot_.get(); } // nullptr: never loaded without a mistake
@@ -39,13 +39,14 @@ class OpenScene {
     bool can_redo() const { return at_ + 1 < history_.size(); }
     std::vector<std::string> settings() const;      // of the command line and the changed ones: key=value
     uint64_t revision() const { return revision_; } // another after each change
+    uint64_t loads() const { return loads_; }       // changes that needed all objects of the shot made anew
 
   private:
     using Stamps = std::map<std::string, std::pair<std::filesystem::file_time_type, uintmax_t>>; // time, size
 
     void take(ChangedValues values); // as the newest of the history
     void apply(const ChangedValues& values);
-    std::unique_ptr<Shot> load_with(const Overrides& overrides) const;
+    void load_with(const Overrides& overrides);
     void read_stamps();
     Stamps stamps_now() const;
 
@@ -55,8 +56,8 @@ class OpenScene {
     std::unique_ptr<Shot> shot_;
     std::vector<ChangedValues> history_{{}};
     size_t at_ = 0; // the present entry of history_
-    uint64_t revision_ = 0;
-    Stamps stamps_;
+    uint64_t revision_ = 0, loads_ = 0;
+    Stamps stamps_, seen_; // of the files as they were read; at the last look
 };
 
 } // namespace marram

@@ -222,6 +222,13 @@ def changes(folder, scene, address):
     with open(scene, "w") as file:
         file.write(before)
     check("a corrected file is taken up", one.until("problems")["problems"] == [] and one.until("scene")["changes"] == [])
+    one.send(type="set", key="mesh.ball.radius", value="0.6")  # loaded anew
+    time.sleep(0.002)
+    one.send(type="set", key="wind.speed", value="3")
+    while (got := one.until("scene")["changes"]) != ["mesh.ball.radius=0.6", "wind.speed=3"]:
+        pass
+    check("a change that arrives while another loads", len(got) == 2)
+    one.send(type="reset")
     one.close()
     ask(two, 4, 5)
     two.until("frame", seq=4)
@@ -254,9 +261,9 @@ def pictures(folder, scene, address):
     ask(page, 9, 4, 100)
     page.until("frame", seq=9)
     print(f"     a frame while a picture is traced: {1e3 * (time.time() - begin):.0f} ms")
-    for layer in ("albedo", "normal", "depth", "alpha"):
-        page.send(seq=10, **{**picture, "layer": layer, "samples": 1})
-        header, pixels = page.until("image", seq=10)
+    for seq, layer in enumerate(("albedo", "normal", "depth", "alpha"), 3):
+        page.send(seq=seq, **{**picture, "layer": layer, "samples": 1})
+        header, pixels = page.until("image", seq=seq)
         check(f"layer {layer}", len(set(pixels)) > 1)
     page.send(seq=11, **{**picture, "layer": "nothing"})
     check("an unknown layer is a mistake", "nothing" in page.until("problems")["problems"][0]["what"])

@@ -32,6 +32,7 @@ using beast::error_code;
 constexpr size_t max_connections = 64;
 constexpr size_t max_header = size_t(16) << 10; // bytes
 constexpr auto request_time = std::chrono::seconds(15);
+constexpr size_t slowest_line = 10'000; // bytes a second
 
 // The same time whatever the token is.
 bool same_token(std::string_view a, std::string_view b) {
@@ -220,6 +221,7 @@ class Connection : public std::enable_shared_from_this<Connection> {
         response->keep_alive(keep_alive);
         response->body() = {body.data(), body.size()};
         response->prepare_payload();
+        stream_.expires_after(request_time + std::chrono::seconds(body.size() / slowest_line));
         const bool head = parser_->get().method() == http::verb::head;
         const auto done = [self = shared_from_this(), response, keep_alive](error_code error, size_t) {
             if (!error && keep_alive) return self->read();

@@ -88,19 +88,19 @@ TEST_F(InboxTest, PassesOverWhatItDoesNotUnderstand) {
 TEST_F(InboxTest, StopsPicturesForFramesAndAllForChanges) {
     picture(1, 1);
     ASSERT_TRUE(inbox.picture());
-    inbox.begin_work(true);
+    inbox.begin_picture();
     EXPECT_FALSE(inbox.stop_work());
     frame(2, 1);
     EXPECT_TRUE(inbox.stop_work());
     EXPECT_TRUE(inbox.picture()); // goes on after the frame
     inbox.take_frame();
-    inbox.begin_work(false);
+    inbox.begin_frame(2, 10);
     frame(2, 2);
     EXPECT_FALSE(inbox.stop_work());
     take(2, R"({"type":"undo"})");
     EXPECT_TRUE(inbox.stop_work());
     inbox.take_changes();
-    inbox.begin_work(true); // a frame waits already
+    inbox.begin_picture(); // a frame waits already
     EXPECT_TRUE(inbox.stop_work());
     inbox.take_frame();
     frame(1, 3); // of the client that wants the picture
@@ -108,6 +108,18 @@ TEST_F(InboxTest, StopsPicturesForFramesAndAllForChanges) {
     picture(1, 2);
     take(1, R"({"type":"stop"})");
     EXPECT_FALSE(inbox.picture());
+}
+
+TEST_F(InboxTest, AChangeIsNotStoppedByAnother) {
+    inbox.begin_change();
+    take(1, R"({"type":"undo"})");
+    frame(2, 1);
+    picture(1, 1);
+    EXPECT_FALSE(inbox.stop_work());
+    inbox.begin_change();
+    EXPECT_FALSE(inbox.stop_work());
+    inbox.begin_frame(2, 1000);
+    EXPECT_TRUE(inbox.stop_work());
 }
 
 TEST_F(InboxTest, AFrameOfFewerStrandsStopsOneOfMore) {
@@ -140,7 +152,7 @@ TEST_F(InboxTest, TellsWhoCameAndLeft) {
     EXPECT_FALSE(inbox.take_frame());
     EXPECT_EQ(inbox.clients(), (std::vector<ViewClient>{2}));
     inbox.end_all();
-    inbox.begin_work(false);
+    inbox.begin_change();
     EXPECT_TRUE(inbox.stop_work());
     inbox.wait(3600.0); // returns at once
 }

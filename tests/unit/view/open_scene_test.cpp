@@ -9,6 +9,7 @@
 
 #include <fmt/format.h>
 
+#include <chrono>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
@@ -96,6 +97,12 @@ class OpenSceneTest : public ::testing::Test {
         overrides.settings = settings;
         Shot shot = load_shot(file, overrides, never);
         return strands(shot, frame);
+    }
+
+    // Looks until writing is over.
+    static bool files_changed(OpenScene& scene) {
+        const bool before = scene.files_changed();
+        return scene.files_changed() || before;
     }
 
     fs::path folder;
@@ -189,7 +196,7 @@ TEST_F(OpenSceneTest, SavesChangedValuesAndNothingElse) {
     EXPECT_NE(text.find("length = [0.1, 0.3]"), std::string::npos);
     EXPECT_TRUE(text.starts_with("# A head of hair.\nfps = 24\n"));
     EXPECT_TRUE(scene.changed().empty());
-    EXPECT_FALSE(scene.files_changed()); // not by others
+    EXPECT_FALSE(files_changed(scene)); // not by others
     EXPECT_EQ(strands(*scene.shot(), 5), shown);
     EXPECT_EQ(strands_with({}, 5), shown);
     scene.save(); // nothing to write
@@ -199,26 +206,71 @@ TEST_F(OpenSceneTest, SavesChangedValuesAndNothingElse) {
 TEST_F(OpenSceneTest, TakesUpWhatAnEditorSaves) {
     OpenScene scene(file, {}, stop);
     scene.load();
-    EXPECT_FALSE(scene.files_changed());
+    EXPECT_FALSE(files_changed(scene));
     scene.set("wind.calm", "0.5");
     std::string text = scene_text;
     text.replace(text.find("speed = 6"), 9, "speed = 60");
+    write("half of it");
+    EXPECT_FALSE(scene.files_changed());
     write(text);
+    EXPECT_FALSE(scene.files_changed()); // it is being written
     EXPECT_TRUE(scene.files_changed());
-    EXPECT_FALSE(scene.files_changed()); // once
+    EXPECT_FALSE(files_changed(scene)); // once
     scene.load();
     EXPECT_EQ(scene.shot()->description.wind.number("speed"), 60.0);
     EXPECT_EQ(scene.shot()->description.wind.number("calm"), 0.5);
     write("speed = ");
-    EXPECT_TRUE(scene.files_changed());
+    EXPECT_TRUE(files_changed(scene));
     EXPECT_THROW(scene.load(), InputError);
     EXPECT_EQ(scene.shot()->description.wind.number("speed"), 60.0);
     fs::remove(file); // an editor that replaces it
-    EXPECT_FALSE(scene.files_changed());
+    EXPECT_FALSE(files_changed(scene));
     write(scene_text);
-    EXPECT_TRUE(scene.files_changed());
+    EXPECT_TRUE(files_changed(scene));
     scene.load();
     EXPECT_EQ(scene.shot()->description.wind.number("speed"), 6.0);
+}
+
+TEST_F(OpenSceneTest, WatchesFilesThatValuesName) {
+    const auto obj = [&](const char* name, float size) {
+        std::ofstream(folder / name) << fmt::format("v 0 0 0\nv {0} 0 0\nv 0 {0} 0\nf 1 2 3\n", size);
+    };
+    std::string text = scene_text;
+    text.replace(text.find("type = \"sphere\"\nradius = 0.5"), 28, "type = \"file\"\nfile = \"a.obj\"");
+    write(text);
+    OpenScene scene(file, {}, stop);
+    EXPECT_THROW(scene.load(), InputError); // there is no a.obj
+    EXPECT_FALSE(files_changed(scene));
+    obj("a.obj", 1.0F);
+    EXPECT_TRUE(files_changed(scene));
+    scene.load();
+    obj("b.obj", 1.0F);
+    EXPECT_FALSE(files_changed(scene));
+    const uint64_t loads = scene.loads();
+    scene.set("mesh.ball.file", "\"b.obj\"");
+    EXPECT_EQ(scene.loads(), loads + 1);
+    EXPECT_FALSE(files_changed(scene));
+    obj("b.obj", 1.25F);
+    EXPECT_TRUE(files_changed(scene));
+    const auto mask = [&](char grey) {
+        std::ofstream(folder / "mask.pgm", std::ios::binary) << "P5 1 1 255\n" << grey;
+    };
+    mask('\x7f');
+    const uint64_t before = scene.loads();
+    scene.set("procedural.fur.density_mask", "\"mask.pgm\"");
+    EXPECT_EQ(scene.loads(), before);
+    EXPECT_FALSE(files_changed(scene));
+    fs::last_write_time(folder / "mask.pgm", fs::file_time_type::clock::now() - std::chrono::hours(1));
+    EXPECT_TRUE(files_changed(scene));
+}
+
+TEST_F(OpenSceneTest, WarnsOnceOfEachThing) {
+    OpenScene scene(file, {}, stop);
+    scene.load();
+    EXPECT_EQ(light_warnings_of(*scene.shot()).size(), 1U); // there is no light
+    for (const char* speed : {"1", "2", "3"}) scene.set("wind.speed", speed);
+    EXPECT_EQ(light_warnings_of(*scene.shot()).size(), 1U);
+    EXPECT_EQ(warnings_of(*scene.shot()).size(), 0U);
 }
 
 // Each strand's id and vertices at a frame.

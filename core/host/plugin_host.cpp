@@ -305,6 +305,19 @@ std::string Procedural::describe() { return text_of(type_->calls.describe); }
 
 std::string Procedural::summarize() { return text_of(type_->calls.summarize); }
 
+std::vector<Procedural::Gust> Procedural::gusts() {
+    std::vector<Gust> list;
+    if (!type_->calls.gusts) return list;
+    forget_faults();
+    check(type_->calls.gusts(
+        instance_,
+        [](void* user, const double center[3], double radius, double strength) {
+            static_cast<std::vector<Gust>*>(user)->push_back({Vec3d(center), radius, strength});
+        },
+        &list));
+    return list;
+}
+
 std::vector<std::string> Procedural::take_warnings() {
     const std::lock_guard lock(messages_lock_);
     return std::exchange(warnings_, {});

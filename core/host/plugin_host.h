@@ -5,6 +5,7 @@
 
 #include "core/host/contract_values.h"
 #include "core/host/state_store.h"
+#include "core/math/vec.h"
 
 #include <atomic>
 #include <deque>
@@ -77,6 +78,12 @@ class Procedural {
     std::string describe();
     // What it does in the shot, in a few lines; "" if it does not say.
     std::string summarize();
+    // The random gusts of its wind at the frame that has begun.
+    struct Gust {
+        Vec3d center;
+        double radius, strength;
+    };
+    std::vector<Gust> gusts();
     std::vector<std::string> take_warnings();
     // Of the files that its values name; one line each.
     const std::vector<std::string>& file_warnings() const { return file_warnings_; }

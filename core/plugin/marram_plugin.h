@@ -542,6 +542,11 @@ typedef struct MarramProcedural {
      * that say the same are listed together. */
     MarramStatus (*summarize)(MarramInstance* instance, void (*sink)(void* user, const char* text),
                               void* user);
+    /* The random gusts of its wind at the frame, after begin: for a user interface that shows them. The sink is called
+     * for each: a sphere, and how strong it is at its centre. */
+    MarramStatus (*gusts)(MarramInstance* instance,
+                          void (*sink)(void* user, const double center[3], double radius, double strength),
+                          void* user);
 } MarramProcedural;
 
 typedef struct MarramLibrary {

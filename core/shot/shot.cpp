@@ -424,9 +424,12 @@ bool same_objects(const SceneDescription& a, const SceneDescription& b) {
     const auto mesh_light = [](const Item& item) {
         return item.type == "mesh" ? item.params.text("mesh") : std::string();
     };
-    return same_items(a.meshes, b.meshes) && same_items(a.curves, b.curves) &&
-           same_kinds(a.materials, b.materials) && same_kinds(a.lights, b.lights) &&
-           same_kinds(a.procedurals, b.procedurals) &&
+    const auto drawn = [](const Item& x, const Item& y) { // their points are taken anew
+        return x.type == "points" || same_values(x.params, y.params);
+    };
+    return same_items(a.meshes, b.meshes) && same_kinds(a.curves, b.curves) &&
+           std::ranges::equal(a.curves, b.curves, drawn) && same_kinds(a.materials, b.materials) &&
+           same_kinds(a.lights, b.lights) && same_kinds(a.procedurals, b.procedurals) &&
            std::ranges::equal(a.procedurals, b.procedurals, {}, library, library) &&
            std::ranges::equal(a.lights, b.lights, {}, mesh_light, mesh_light) &&
            (a.curves.empty() || a.globals.number("fps") == b.globals.number("fps"));
@@ -458,18 +461,34 @@ bool update_shot(Shot& shot, SceneDescription changed) {
             std::vector<std::string> said;
             if (!same) check_keys(item, [&](const Item& at) { make_light(at, said); });
         });
+    GeometryChanges changes;
+    static const std::atomic<bool> never{false};
+    std::vector<std::pair<size_t, SceneCurves>> drawn;
+    for (size_t i = 0; i < changed.curves.size(); ++i)
+        collect_problems([&] {
+            const Item& item = changed.curves[i];
+            if (same_values(item.params, before.curves[i].params)) return;
+            drawn.emplace_back(
+                i, load_scene_curves(item, changed.globals.number("fps"), never, now.geometry_warnings));
+            changes[item.name] = MARRAM_EVERYTHING;
+        });
     collect_problems([&] { camera_at(changed, changed.globals.vec2("frames").x()); });
     collect_problems.raise();
     resolve_blends(changed.materials, now.materials);
     std::swap(now.description, shot.description);
     shot.description = std::move(changed);
-    GeometryChanges changes;
+    const auto swap_curves = [&] {
+        for (auto& [index, curves] : drawn) std::swap(curves, shot.geometry.curves[index]);
+    };
+    swap_curves();
+    const GeometryChanges of_curves = changes;
     try {
         update_procedurals(shot.geometry.procedurals, shot.description.procedurals, shot.description.wind,
                            changes);
     } catch (...) {
         std::swap(now.description, shot.description);
-        GeometryChanges back;
+        swap_curves();
+        GeometryChanges back = of_curves;
         update_procedurals(shot.geometry.procedurals, shot.description.procedurals, shot.description.wind,
                            back);
         throw;

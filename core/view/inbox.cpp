@@ -48,6 +48,7 @@ StrandsRequest strands_request(const json& message) {
     request.frame = number(message, "frame", -latest, latest);
     request.budget = uint32_t(number(message, "budget", 1.0, max_budget));
     request.floats = message.value("encoding", "u16") == "f32";
+    request.values = message.value("values", "");
     return request;
 }
 

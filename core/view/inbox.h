@@ -25,6 +25,7 @@ struct StrandsRequest {
     double frame = 1.0;
     uint32_t budget = 20000; // strands
     bool floats = false;     // else 16 bits
+    std::string values{};    // an attribute that colours strands and meshes; "": none
 };
 
 struct PictureRequest {

@@ -5,7 +5,9 @@
 #include "core/math/own_library.h"
 #include "core/scene/keyed_values.h"
 #include "core/shot/settings.h"
+#include "core/view/handles.h"
 #include "core/view/looks.h"
+#include "core/view/value_packing.h"
 
 #include <fmt/format.h>
 #include <tbb/task_arena.h>
@@ -55,12 +57,13 @@ std::shared_ptr<const std::string> text_of(const json& message) {
 }
 
 // Strands as `marram bake` writes them: without motion, not traced, on growth surfaces.
-BuildSettings settings_to_play(const Shot& shot, double frame, double share) {
+BuildSettings settings_to_play(const Shot& shot, double frame, double share, const std::string& values = {}) {
     BuildSettings settings = build_settings(shot, frame);
     settings.share = share;
     settings.shutter_open = settings.shutter_close = 0.0;
     settings.trace_curves = false;
     settings.attributes = {"id"};
+    if (!values.empty()) settings.attributes.push_back(values);
     return settings;
 }
 
@@ -176,6 +179,8 @@ json LiveView::scene_message() {
             {"layers", layers},
             {"bounds", bounds_},
             {"groups", parameter_groups(shot, scene_.changed())},
+            {"handles", handles_of(shot)},
+            {"values", drawable_values(shot)},
             {"changes", changes},
             {"undo", scene_.can_undo()},
             {"redo", scene_.can_redo()},
@@ -279,6 +284,8 @@ void LiveView::answer(ViewClient client, Page& page, const StrandsRequest& reque
     }
     page.revision = scene_.revision();
     add_strand_positions(world, *page.strands, request.floats, frame);
+    if (!request.values.empty()) add_values(world, *page.strands, drawn_, request.values, frame);
+    frame.header["gusts"] = gusts_message(*scene_.shot());
     frame.header["type"] = "frame";
     frame.header["seq"] = request.seq;
     frame.header["frame"] = request.frame;
@@ -302,8 +309,9 @@ void LiveView::serve_frame(ViewClient client, const StrandsRequest& request) {
             set_frame(shot, request.frame);
             BuildStats stats;
             const double share = share_for(request.budget, all_strands_);
-            World world = build_world(shot.geometry, settings_to_play(shot, request.frame, share),
-                                      inbox_.stop_work(), progress_, stats, std::exchange(kept_, {}));
+            const BuildSettings settings = settings_to_play(shot, request.frame, share, request.values);
+            World world = build_world(shot.geometry, settings, inbox_.stop_work(), progress_, stats,
+                                      std::exchange(kept_, {}));
             all_strands_ = all_strands(world);
             answer(client, page->second, request, world, 1e3 * (wall_seconds() - begin));
             answered = true;

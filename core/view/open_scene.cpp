@@ -91,6 +91,10 @@ void OpenScene::set(const std::string& key, const std::optional<std::string>& va
     if (key.empty() || key.find('=') != std::string::npos)
         throw InputError({"--set " + key}, "this is no key", "see `marram info --keys`");
     ChangedValues values = changed();
+    // What was changed within a list or table does not survive it.
+    std::erase_if(values, [&](const auto& other) {
+        return other.first.starts_with(key + "[") || other.first.starts_with(key + ".");
+    });
     if (value)
         values[key] = *value;
     else

@@ -27,6 +27,7 @@
 //     MarramOutput begin_view(const MarramView&); bool view_begun() const; void view_mesh(MarramMeshBuffers&);
 //     std::vector<std::string> described() const; // as MarramProcedural.describe
 //     std::string summary() const;               // as MarramProcedural.summarize
+//     std::vector<GustSphere> random_gusts() const; // as MarramProcedural.gusts
 #pragma once
 
 #include "procedural/abi/border.h"
@@ -93,6 +94,7 @@ class EntryPoints {
         }
         if constexpr (requires(const P& p) { p.described(); }) procedural.describe = describe;
         if constexpr (requires(const P& p) { p.summary(); }) procedural.summarize = summarize;
+        if constexpr (requires(const P& p) { p.random_gusts(); }) procedural.gusts = gusts;
         return procedural;
     }
 
@@ -248,8 +250,8 @@ class EntryPoints {
         });
     }
 
-    template <typename Text>
-    static MarramStatus say(MarramInstance* opaque, void (*sink)(void*, const char*), const Text& text) {
+    template <typename Sink, typename Text>
+    static MarramStatus say(MarramInstance* opaque, Sink* sink, const Text& text) {
         return call(opaque, [&](const P& instance) {
             if (!sink) throw SceneFault("contract.null_sink", "", "the sink is NULL", "pass a function");
             check_begun(instance);
@@ -265,6 +267,14 @@ class EntryPoints {
 
     static MarramStatus summarize(MarramInstance* opaque, void (*sink)(void*, const char*), void* user) {
         return say(opaque, sink, [&](const P& instance) { sink(user, instance.summary().c_str()); });
+    }
+
+    static MarramStatus gusts(MarramInstance* opaque, void (*sink)(void*, const double*, double, double),
+                              void* user) {
+        return say(opaque, sink, [&](const P& instance) {
+            for (const auto& gust : instance.random_gusts())
+                sink(user, gust.center.data(), gust.radius, gust.strength);
+        });
     }
 
     static void destroy(MarramInstance* opaque) { delete reinterpret_cast<P*>(opaque); } // NULL is fine

@@ -14,6 +14,10 @@
 
 namespace marram {
 
+// Of the attribute "contact".
+constexpr const char* contact_help =
+    "what collision did to the segment before a CV: 0 nothing, 1 it met a mesh, 2 it found no free direction";
+
 struct Worker { // per-thread memory, reused between patches
     Strands strands;
     ChainScratch chain;

@@ -4,6 +4,7 @@
 #include "core/math/clock.h"
 #include "core/math/digest.h"
 #include "procedural/strands/wind_words.h"
+#include "procedural/wind/keyed_wind.h"
 
 #include <fmt/format.h>
 
@@ -268,6 +269,12 @@ MarramOutput StrandInstance::begin(LentFrame lent) {
 }
 
 std::string StrandInstance::summary() const { return wind_summary(wind, frame, gust_bounds); }
+
+std::vector<GustSphere> StrandInstance::random_gusts() const {
+    if (!wind.gusts) return {};
+    const Wind now = wind.keys ? wind_at(wind, frame.frame) : wind;
+    return random_gusts_at(*now.gusts, gust_carrier(wind), frame.frame, frame.fps);
+}
 
 void StrandInstance::report(const ReportSink& sink) {
     size_t scratch = 0;

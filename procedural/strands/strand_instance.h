@@ -83,6 +83,7 @@ struct StrandInstance : Instance {
 
     MarramOutput begin(LentFrame lent);
     std::string summary() const;
+    std::vector<GustSphere> random_gusts() const;
     void report(const ReportSink& sink);
 
     // The state of a batch of a patch, for one thread at a time: none if it is not kept, if another thread

@@ -485,6 +485,16 @@ bool gusts_move(const Gusts& gusts) {
     return sends || std::ranges::any_of(gusts.controls, keyed);
 }
 
+std::vector<GustSphere> random_gusts_at(const Gusts& gusts, const GustCarrier& wind, double frame,
+                                        double fps) {
+    ActiveInfluences alive{everywhere()};
+    add_procedural(gusts, wind, std::clamp(frame, -latest_frame, latest_frame), fps, alive);
+    std::vector<GustSphere> spheres;
+    for (const Influence& gust : sorted_along_curve(alive))
+        spheres.push_back({gust.center, 1.0 / gust.to_unit(0, 0), gust.weight * (*gust.ramp)(0.0)});
+    return spheres;
+}
+
 GustField gusts_at(const Gusts& gusts, const GustCarrier& wind, double frame, double fps,
                    const Eigen::AlignedBox3d& within) {
     const double when = std::clamp(frame, -latest_frame, latest_frame);

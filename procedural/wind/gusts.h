@@ -190,6 +190,14 @@ void build_tree(GustField& field); // sets `levels` from `influences`
 GustField gusts_at(const Gusts& gusts, const GustCarrier& wind, double frame, double fps,
                    const Eigen::AlignedBox3d& within = everywhere());
 
+// The random gusts at one time as spheres, whose boundary lumps dent. Strength: at the centre.
+struct GustSphere {
+    Vec3d center;
+    double radius, strength;
+};
+std::vector<GustSphere> random_gusts_at(const Gusts& gusts, const GustCarrier& wind, double frame,
+                                        double fps);
+
 // strands.gust += the sum of influences at each CV of strands.rest; the caller sets it to 0 first. Returns
 // the number of influences evaluated: those whose bounds overlap the bounds of the strands. Thread-safe.
 size_t add_gusts(const GustField& field, Strands& strands);

@@ -23,6 +23,13 @@ inline void set_lane(Wide3f& v, int lane, const Vec3d& value) {
     v.z[lane] = float(value.z());
 }
 
+// What collision did to a segment.
+enum class Contact : unsigned char {
+    none,
+    contact,    // it stopped at a mesh, or was turned out of one
+    unresolved, // it has no free direction
+};
+
 struct Strands {
     int count = 0;  // strands
     int cvs = 0;    // a strand
@@ -30,6 +37,7 @@ struct Strands {
     bool oriented = false;
     bool has_wind_share = false;          // else every strand takes the full wind
     const MarramMesh* instance = nullptr; // the mesh they grow on instead of the chain's skin
+    bool has_contact = false;             // `contact` is wanted
     bool irregular = false; // segments of a strand differ in length, and each CV has its own radius
 
     WideVector<Wide3f> rest, pose;               // [blocks * cvs]
@@ -48,10 +56,11 @@ struct Strands {
     WideVector<VFloat> wind_speed;       // [blocks], m/s, likewise
     WideVector<VFloat>
         canopy; // [blocks * cvs] if strands stand in a canopy, else empty: share of the wind's speed
-    WideVector<VDouble> u;     // [blocks * cvs] if irregular; else CV k is at k / (cvs - 1)
-    WideVector<VFloat> radius; // [blocks * cvs] if irregular, metres
-    WideVector<Wide3d> points; // [cvs] scratch
-    WideVector<Wide3f> values; // [2 * cvs] scratch
+    WideVector<VFloat> contact; // [blocks * cvs] if has_contact: the Contact of the segment before a CV
+    WideVector<VDouble> u;      // [blocks * cvs] if irregular; else CV k is at k / (cvs - 1)
+    WideVector<VFloat> radius;  // [blocks * cvs] if irregular, metres
+    WideVector<Wide3d> points;  // [cvs] scratch
+    WideVector<Wide3f> values;  // [2 * cvs] scratch
 
     size_t bytes() const {
         return (rest.capacity() + pose.capacity() + rest_normal.capacity() + pose_normal.capacity() +
@@ -59,7 +68,7 @@ struct Strands {
                    sizeof(Wide3f) +
                (envelope.capacity() + shield.capacity() + gust.capacity() + wind_share.capacity() +
                 radius.capacity() + wind_response.capacity() + wind_unsheltered.capacity() +
-                wind_speed.capacity() + canopy.capacity()) *
+                wind_speed.capacity() + canopy.capacity() + contact.capacity()) *
                    sizeof(VFloat) +
                (noise_origin.capacity() + root_normal.capacity() + points.capacity() +
                 wind_direction.capacity()) *
@@ -97,6 +106,7 @@ struct Strands {
         root_normal.resize(size_t(blocks));
         width.resize(size_t(blocks));
         wind_share.resize(has_wind_share ? size_t(blocks) : 0);
+        contact.assign(has_contact ? size : 0, VFloat{});
         u.resize(irregular ? size : 0);
         radius.resize(irregular ? size : 0);
         points.resize(size_t(cvs));

@@ -236,6 +236,34 @@ def changes(folder, scene, address):
     two.close()
 
 
+def values_and_gusts(address):
+    page = Page(address)
+    scene = page.until("scene")
+    names = [v["name"] for v in scene["values"]]
+    check("attributes to colour by", {"envelope", "gust", "shield", "contact"} <= set(names) and "id" not in names, names)
+    page.send(type="set", key="wind.gusts", value="{ num_gusts = 4, radius_range = [0.4, 0.8], period = 24 }")
+    scene = page.until("scene", undo=True)
+    some = 0
+    for seq, (name, frame) in enumerate((("gust", 9), ("contact", 9), ("envelope", 12.5), ("nothing", 1)), 1):
+        page.send(type="frame", seq=seq, frame=frame, budget=1000, encoding="u16", values=name)
+        header, payload = page.until("frame", seq=seq)
+        chunk, span = header["parts"][0]["chunks"][0], header["values"]
+        if name == "nothing":
+            check("an unknown attribute has no values", "values" not in chunk and span["upper"] == 0)
+            continue
+        check(f"{name} has values", span["name"] == name and 0 <= span["lower"] < span["upper"] <= {"contact": 2, "gust": 9, "envelope": 1}[name], span)
+        steps = struct.unpack(f"<{chunk['vertices']}H", payload[chunk["values"]:chunk["values"] + 2 * chunk["vertices"]])
+        check(f"{name} has many values", len(set(steps)) > (1 if name == "contact" else 50), len(set(steps)))
+        some += len(header["gusts"])
+    check("random gusts are told", some > 0, some)
+    page.send(type="set", key="wind.gusts.control", value="[{ transform = { translate = [1, 2, 3] } }]")
+    handles = page.until("scene")["handles"]
+    check("a gust by hand has a handle", len(handles) == 1 and handles[0]["keys"][1:4] == [1, 2, 3] and handles[0]["kind"] == "gust", handles)
+    page.send(type="reset")
+    page.until("scene", undo=True)
+    page.close()
+
+
 def pictures(folder, scene, address):
     page = Page(address)
     camera = page.until("scene")["camera"]
@@ -283,6 +311,7 @@ def main():
             floods(program.address)
             frames_are_those_of_bake(folder, scene, program.address)
             changes(folder, scene, program.address)
+            values_and_gusts(program.address)
             pictures(folder, scene, program.address)
             left = sorted(os.listdir(folder))
             check("nothing else is written", set(left) == {"ball.toml", "a.hair", "b.hair", "a.png"}, left)

@@ -6,6 +6,7 @@ import {start_world, draw_world, go_home, frame_all, world} from "./world.js";
 import {start_player, player, tick, drawn, play, step, set_time, frames_of, touch} from "./player.js";
 import {start_panel, options_text} from "./panel.js";
 import {command, edits} from "./edits.js";
+import {start_values, next_value, take_range} from "./values.js";
 import {start_render, toggle, toggle_beside, keep_a, drop_a, set_mode, picture} from "./render.js";
 
 const help = {
@@ -13,6 +14,7 @@ const help = {
     ["drag the bar", "go to a frame; Shift: to parts of frames"]],
   "Camera": [["drag", "orbit"], ["right drag, Shift drag", "move sideways"], ["wheel, middle drag", "nearer, farther"], ["F", "frame all strands"],
     ["C", "the camera of the scene"]],
+  "Colours": [["V", "by an attribute: share of the wind, gusts, shelter, contacts; again: the next, at last the materials"]],
   "Picture": [["R", "path-traced picture over the view"], ["P", "picture beside the view"], ["A", "keep the picture as A, compare with B"], ["Shift A", "drop A"],
     ["Escape", "back to the live view"]],
   "Parameters": [["/", "search"], ["Ctrl Z", "undo"], ["Ctrl Shift Z", "redo"], ["Ctrl S", "write the changes to the scene file"],
@@ -34,7 +36,7 @@ function first_frame() { play(false); set_time(frames_of()[0]); }
 function last_frame() { play(false); set_time(frames_of()[1]); }
 const keys = {
   " ": () => play(), Home: first_frame, End: last_frame, f: frame_all, c: go_home, r: toggle, p: toggle_beside, h: show_help, "?": show_help,
-  l: () => byId("loop").click(), "/": () => { byId("search").focus(); byId("search").select(); },
+  v: next_value, l: () => byId("loop").click(), "/": () => { byId("search").focus(); byId("search").select(); },
   a: event => event.shiftKey ? drop_a() : keep_a(),
   ArrowLeft: event => { touch(); step(event.shiftKey ? -10 : -1); }, ArrowRight: event => { touch(); step(event.shiftKey ? 10 : 1); },
   Escape: () => { if (picture.mode !== "off") set_mode("off"); },
@@ -96,6 +98,8 @@ if (start_world()) {
   start_player();
   start_panel();
   start_render();
+  start_values();
+  on("shown", header => take_range(header.values));
   connect();
   requestAnimationFrame(loop);
 }

@@ -64,6 +64,7 @@ function ask(time, now) {
   const strands = wanted_strands(now), at_rest = !budget.moving;
   const small = world.strands.vertices() < 400000;
   const message = {type: "frame", seq: ++seq, frame: Number(time.toFixed(4)), budget: strands, encoding: at_rest && small ? "f32" : "u16"};
+  if (world.values?.name) message.values = world.values.name;
   if (!send(message)) return;
   unanswered.set(seq, {sent: now, revision: player.max_revision});
   last_asked = {time: message.frame, budget: strands, encoding: message.encoding};

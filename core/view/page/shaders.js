@@ -19,6 +19,25 @@ vec2 open_at(vec3 place) {
 vec3 ambient(vec3 normal) { return mix(ground_color, sky_color, 0.5 + 0.5 * normal.y); }
 `;
 
+// Colours of values, sRGB: from dark blue to yellow, and of classes 0, 1, 2, ...
+export const value_stops = [[0.19, 0.10, 0.36], [0.19, 0.36, 0.62], [0.12, 0.60, 0.56], [0.52, 0.77, 0.28], [0.99, 0.90, 0.25]];
+export const class_colors = [[0.45, 0.50, 0.55], [0.98, 0.68, 0.20], [1.0, 0.16, 0.22]];
+const glsl_colors = colors => `vec3[](${colors.map(c => `vec3(${c.map(x => x.toFixed(3)).join()})`).join()})`;
+// value_mode: 0 the material's colour, 1 values, 2 classes. value_range: of the colours; a value is 0 ... 1 of value_given.
+export const value_glsl = `
+uniform int value_mode;
+uniform vec2 value_range, value_given;
+const vec3 value_stops[${value_stops.length}] = ${glsl_colors(value_stops)};
+const vec3 class_colors[${class_colors.length}] = ${glsl_colors(class_colors)};
+vec3 value_color(float share) {
+  float value = mix(value_given.x, value_given.y, share);
+  if (value_mode == 2) return class_colors[clamp(int(value + 0.5), 0, ${class_colors.length - 1})];
+  float at = clamp((value - value_range.x) / max(value_range.y - value_range.x, 1e-30), 0.0, 1.0) * ${(value_stops.length - 1).toFixed(1)};
+  int low = min(int(at), ${value_stops.length - 2});
+  return mix(value_stops[low], value_stops[low + 1], at - float(low));
+}
+`;
+
 // Kajiya and Kay, "Rendering fur with three dimensional textures", 1989: diffuse by the sine between strand and light, and a highlight
 // along the cone of the mirror direction. A second, coloured highlight is shifted towards the tip (Marschner et al. 2003).
 export const hair_shading_glsl = `
@@ -40,22 +59,25 @@ vec3 hair_radiance(vec3 albedo, vec3 place, vec3 along, float u, float random) {
 const lit = `
 uniform vec3 albedo;
 uniform float facetted, shadow_offset;
-vec3 lit(vec3 place, vec3 n) {
+vec3 albedo_of(float value) { return value_mode == 0 ? albedo : pow(value_color(value), vec3(2.2)); }
+vec3 lit(vec3 place, vec3 n, float value) {
   if (dot(n, eye - place) < 0.0) n = -n;
   vec2 open = open_at(place + shadow_offset * (n + sun_direction));
   vec3 light = sun_color * max(0.0, dot(n, sun_direction)) * open.x + ambient(n) * (0.25 + 0.75 * open.y);
-  return encoded(albedo * light);
+  return encoded(albedo_of(value) * light);
 }
 `;
 export const mesh_vertex = by_vertex => `#version 300 es
 precision highp float;
-in vec3 position; in vec3 normal;
+in vec3 position; in vec3 normal; in float value;
 uniform mat4 viewMatrix, projectionMatrix;
 out vec3 place, upright;
-${by_vertex ? shading_glsl + lit : ""}
+out float share;
+${by_vertex ? shading_glsl + value_glsl + lit : ""}
 void main() {
   place = position;
-  upright = ${by_vertex ? "lit(position, normalize(normal + vec3(0.0, 1e-12, 0.0)))" : "normal"};
+  share = value;
+  upright = ${by_vertex ? "lit(position, normalize(normal + vec3(0.0, 1e-12, 0.0)), value)" : "normal"};
   gl_Position = projectionMatrix * viewMatrix * vec4(position, 1.0);
 }`;
 export const mesh_fragment = by_vertex => by_vertex ? `#version 300 es
@@ -65,11 +87,13 @@ out vec4 pixel;
 void main() { pixel = vec4(upright, 1.0); }` : `#version 300 es
 precision highp float;
 in vec3 place, upright;
+in float share;
 out vec4 pixel;
 ${shading_glsl}
+${value_glsl}
 ${lit}
 void main() {
-  pixel = vec4(lit(place, facetted > 0.5 ? normalize(cross(dFdx(place), dFdy(place))) : normalize(upright)), 1.0);
+  pixel = vec4(lit(place, facetted > 0.5 ? normalize(cross(dFdx(place), dFdy(place))) : normalize(upright), share), 1.0);
 }`;
 
 // A grid over the view, behind everything, lit at its vertices; the fragment chooses the side of the horizon.

@@ -5,13 +5,14 @@
 // the same with attributes, but GPUs are slow at instances of ten vertices, and software GL takes 100 times as long.)
 import {state} from "./state.js";
 import {view_of} from "./net.js";
-import {shading_glsl, hair_shading_glsl} from "./shaders.js";
+import {shading_glsl, hair_shading_glsl, value_glsl} from "./shaders.js";
 
 // Where all strands of a part have as many vertices (`period`), a strip is a strand, else it is a segment.
 export const vertex_source = floats => `#version 300 es
 precision highp float; precision highp int;
 uniform highp ${floats ? "sampler2D" : "usampler2D"} positions;
 uniform highp sampler2D attributes;             // u, radius, begins, random
+uniform highp usampler2D values;
 uniform int row_shift, first_vertex, period, corners, every;  // corners: vertices of a strip; every: strips from one drawn to the next
 uniform float spacing;                          // segments from one station of the strip to the next
 uniform mat4 basis, slope;                      // weights of the control points: columns multiply 1, t, t^2, t^3
@@ -23,7 +24,9 @@ uniform float radius, pixel_scale, min_half;    // pixel_scale: pixels of a unit
 out vec4 color;
 ${shading_glsl}
 ${hair_shading_glsl}
+${value_glsl}
 ivec2 texel(int vertex) { return ivec2(vertex & ((1 << row_shift) - 1), vertex >> row_shift); }
+float value(int vertex) { return float(texelFetch(values, texel(vertex), 0).x) / 65535.0; }
 vec3 position(int vertex) { return vec3(texelFetch(positions, texel(vertex), 0).xyz); }
 void main() {
   int strip = gl_VertexID / corners, corner = clamp(gl_VertexID - strip * corners - 1, 0, corners - 3);
@@ -49,7 +52,10 @@ void main() {
   float wanted = radius * shape.y * pixel_scale / max(clip.w, 1e-6), half_width = max(wanted, min_half);
   gl_Position = clip + vec4(across * (side * half_width * 2.0 / pixels) * clip.w, 0.0, 0.0);
   vec3 albedo = mix(root_color, tip_color, shape.x) * (0.8 + 0.4 * a1.w);
-  color = vec4(encoded(hair_radiance(albedo, place, normalize(along + vec3(1e-20)), shape.x, a1.w)), wanted / half_width);
+  vec3 seen = encoded(hair_radiance(albedo, place, normalize(along + vec3(1e-20)), shape.x, a1.w));
+  // Classes do not mix along a segment: it is that of its end.
+  if (value_mode != 0) seen = value_color(value_mode == 2 ? value(vertex + 2) : mix(value(vertex + 1), value(vertex + 2), t)) * (0.85 + 0.3 * a1.w);
+  color = vec4(seen, wanted / half_width);
 }`;
 export const fragment_source = `#version 300 es
 precision mediump float;
@@ -130,11 +136,13 @@ export class Strands {
     this.selection = -1;
     this.shown = 0;
     this.total = 0;
+    this.given = [0, 0];   // range of the values of a frame
     this.create();
   }
   create() {
     this.programs = [false, true].map(floats => compile(this.gl, vertex_source(floats), fragment_source));
     this.vao = this.gl.createVertexArray();   // without attributes
+    this.no_values = this.texture(this.gl.R16UI, 1);
   }
   texture(format, vertices) {
     const gl = this.gl, texture = gl.createTexture();
@@ -160,12 +168,12 @@ export class Strands {
   select(header, payload) {
     const gl = this.gl;
     const all = header.parts.map(part => view_of(payload, Uint8Array, part.attributes, 4 * part.vertices));
-    for (const part of this.parts) { gl.deleteTexture(part.attributes); gl.deleteTexture(part.positions); }
+    for (const part of this.parts) for (const name of ["attributes", "positions", "values"]) gl.deleteTexture(part[name]);
     this.begin_upload();
     this.parts = header.parts.map((part, index) => {
       const attributes = this.texture(gl.RGBA8, part.vertices);
       fill_rows(gl, gl.RGBA, gl.UNSIGNED_BYTE, all[index], 0, part.vertices, 4);
-      return {...part, attributes, begins: all[index], positions: null, floats: null, chunks: [], period: period_of(all[index], part.vertices, part.strands)};
+      return {...part, attributes, begins: all[index], positions: null, floats: null, values: null, has_values: false, chunks: [], period: period_of(all[index], part.vertices, part.strands)};
     });
     this.end_upload();
     this.selection = header.selection;
@@ -179,6 +187,7 @@ export class Strands {
     this.begin_upload();
     header.parts.forEach((from, index) => {
       const part = this.parts[index];
+      part.has_values = from.chunks.length > 0 && from.chunks.every(chunk => chunk.values >= 0);
       part.chunks = from.chunks.map(chunk => {
         const floats = !chunk.step;
         if (chunk.first_vertex + chunk.vertices > part.vertices) throw new Error("a chunk is longer than its part");
@@ -190,16 +199,22 @@ export class Strands {
         }
         gl.bindTexture(gl.TEXTURE_2D, part.positions);
         fill_rows(gl, floats ? gl.RGB : gl.RGB_INTEGER, floats ? gl.FLOAT : gl.UNSIGNED_SHORT, values, chunk.first_vertex, chunk.vertices, 3);
+        if (part.has_values) {
+          part.values ??= this.texture(gl.R16UI, part.vertices);
+          gl.bindTexture(gl.TEXTURE_2D, part.values);
+          fill_rows(gl, gl.RED_INTEGER, gl.UNSIGNED_SHORT, view_of(payload, Uint16Array, chunk.values, chunk.vertices), chunk.first_vertex, chunk.vertices, 1);
+        }
         return {first: chunk.first_vertex, vertices: chunk.vertices, values, lower: chunk.lower || [0, 0, 0], step: chunk.step || [1, 1, 1],
           box: chunk.step ? {lower: chunk.lower, upper: chunk.lower.map((low, k) => low + 65535 * chunk.step[k])} : box_of(values)};
       });
     });
     this.end_upload();
+    this.given = header.values ? [header.values.lower, header.values.upper] : [0, 0];
   }
   vertices() {
     return this.parts.reduce((sum, part) => sum + part.vertices, 0);
   }
-  // view: {to_clip: Float32Array(16), pixels: [w, h], pixel_scale, multisampled, every, set_shading(gl, uniforms)}
+  // view: {to_clip: Float32Array(16), pixels: [w, h], pixel_scale, multisampled, every, value_mode, value_range, set_shading(gl, uniforms)}
   // every: draws only each so many-th strand.
   draw(view) {
     const gl = this.gl;
@@ -216,12 +231,16 @@ export class Strands {
       const {program, uniforms} = this.programs[part.floats ? 1 : 0], basis = bases[part.basis] || bases.linear;
       gl.useProgram(program);
       view.set_shading(gl, uniforms);
-      [part.positions, part.attributes].forEach((texture, unit) => {
+      [part.positions, part.attributes, part.has_values ? part.values : this.no_values].forEach((texture, unit) => {
         gl.activeTexture(gl.TEXTURE1 + unit);
         gl.bindTexture(gl.TEXTURE_2D, texture);
       });
       gl.uniform1i(uniforms.positions, 1);
       gl.uniform1i(uniforms.attributes, 2);
+      gl.uniform1i(uniforms.values, 3);
+      gl.uniform1i(uniforms.value_mode, part.has_values ? view.value_mode : 0);
+      gl.uniform2fv(uniforms.value_range, view.value_range);
+      gl.uniform2fv(uniforms.value_given, this.given);
       gl.uniform1i(uniforms.row_shift, row_shift);
       gl.uniformMatrix4fv(uniforms.to_clip, false, view.to_clip);
       gl.uniform2fv(uniforms.pixels, view.pixels);

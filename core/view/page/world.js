@@ -35,6 +35,7 @@ function strands_while_moving(now) {
 const shared = {   // uniforms of all materials
   eye: {value: new THREE.Vector3()}, sun_direction: {value: new THREE.Vector3(0, 1, 0)}, sun_color: {value: new THREE.Vector3()},
   sky_color: {value: new THREE.Vector3(0.4, 0.5, 0.7)}, ground_color: {value: new THREE.Vector3(0.15, 0.14, 0.12)}, exposure: {value: 0},
+  value_range: {value: new THREE.Vector2(0, 1)}, value_given: {value: new THREE.Vector2(0, 1)},
   density: {value: null}, density_lower: {value: new THREE.Vector3()}, density_scale: {value: new THREE.Vector3(1, 1, 1)},
 };
 
@@ -233,7 +234,7 @@ on("meshes", (header, payload) => {
     geometry.setIndex(new THREE.BufferAttribute(view_of(payload, Uint32Array, from.indices, 3 * from.triangles), 1));
     if (by_vertex && !(from.normals >= 0)) geometry.computeVertexNormals();
     const mesh = new THREE.Mesh(geometry, material(mesh_vertex(by_vertex), mesh_fragment(by_vertex), {albedo: {value: new THREE.Vector3(...from.color)},
-      facetted: {value: from.normals >= 0 ? 0 : 1}, shadow_offset: density.cell}));
+      value_mode: {value: 0}, facetted: {value: from.normals >= 0 ? 0 : 1}, shadow_offset: density.cell}));
     mesh.frustumCulled = false;
     mesh.matrixAutoUpdate = false;
     const box = new THREE.Box3().setFromArray(positions);
@@ -250,6 +251,20 @@ on("strands", (header, payload) => {
   world.frame = null;
 });
 
+const mode_of_values = () => world.values?.classes ? 2 : 1;
+function set_mesh_values(header, payload) {
+  const given = header.values ? [header.values.lower, header.values.upper] : [0, 0];
+  shared.value_given.value.set(...given);
+  for (const mesh of meshes) mesh.material.uniforms.value_mode.value = 0;
+  for (const {index, offset} of header.mesh_values || []) {
+    const mesh = meshes[index];
+    if (!mesh) continue;
+    const count = mesh.geometry.attributes.position.count, steps = view_of(payload, Uint16Array, offset, count);
+    mesh.geometry.setAttribute("value", new THREE.BufferAttribute(Float32Array.from(steps, step => step / 65535), 1));
+    mesh.material.uniforms.value_mode.value = mode_of_values();
+  }
+}
+
 // Called by the player for frames that are to be shown.
 export function show_frame(header, payload) {
   if (header.selection !== world.strands.selection) return false;
@@ -264,6 +279,7 @@ export function show_frame(header, payload) {
       attribute.needsUpdate = true;
     }
   }
+  set_mesh_values(header, payload);
   world.frame = header.frame;
   world.dirty = true;
   density.changed = true;
@@ -301,11 +317,13 @@ function draw_all(now, every) {
   u.ray_y.value.set(e[4], e[5], e[6]).multiplyScalar(half);
   u.ray_center.value.set(-e[8], -e[9], -e[10]);
   shared.eye.value.copy(camera.position);
+  const range = world.values ? [world.values.lower, world.values.upper] : [0, 1];
+  shared.value_range.value.set(...range);
   world.renderer.clear();
   world.renderer.render(scene3, camera);
   to_clip.multiplyMatrices(camera.projectionMatrix, camera.matrixWorldInverse);
   world.strands.draw({to_clip: new Float32Array(to_clip.elements), pixels: drawn_size, pixel_scale: drawn_size[1] / (2 * half),
-    multisampled, every, set_shading});
+    multisampled, every, value_mode: mode_of_values(), value_range: range, set_shading});
   world.renderer.state.reset();
 }
 

@@ -481,6 +481,7 @@ void GroomInstance::tessellate(uint32_t index, const MarramPatchBuffers& buffers
     const GroomPatch patch = patch_at(index);
     Strands& strands = worker.strands;
     strands.has_wind_share = !groom.factors[of_wind].empty();
+    strands.has_contact = asks_for_contact(buffers);
     strands.resize(int(patch.roots.size()), groom.cvs, oriented());
     strands.instance = patch.mesh_instance.is_instance ? patch.mesh_instance.mesh : nullptr;
     const RestStrandSource rest_strands = patch_rest_strand_source(*this, patch, worker.chain.clock);

@@ -19,12 +19,17 @@ constexpr std::array attributes = {
                     nullptr, 0},
     MarramAttribute{"shield", 1, MARRAM_PER_CV, 0,
                     "sheltered share of a CV, or of its strand (see wind.shielding)", nullptr, 0},
+    MarramAttribute{"contact", 1, MARRAM_PER_CV, 1, contact_help, nullptr, 0},
 };
-enum AttributeIndex : uint32_t { root_normal, root_uv, id, envelope, gust, sheltered };
+enum AttributeIndex : uint32_t { root_normal, root_uv, id, envelope, gust, sheltered, touched };
 
 } // namespace
 
 std::span<const MarramAttribute> groom_attributes() { return attributes; }
+
+bool asks_for_contact(const MarramPatchBuffers& buffers) {
+    return std::ranges::count(std::span(buffers.attributes, buffers.attribute_count), touched) > 0;
+}
 
 void write_vertices(const GroomInstance& instance, std::span<const Root> roots, const Strands& strands,
                     float* out) {
@@ -85,10 +90,11 @@ void write_attribute(const GroomInstance& instance, const GroomPatch& patch, con
             out[2 * i + 1] = float(uv.y());
         } else if (which == id) {
             out[i] = float(root_hash(instance.groom.seed, roots[i], Purpose::id) >> 40);
-        } else if (which == envelope || which == gust || which == sheltered) {
-            const WideVector<VFloat>& values = which == envelope ? strands.envelope
-                                               : which == gust   ? strands.gust
-                                                                 : strands.shield;
+        } else {
+            const WideVector<VFloat>& values = which == envelope    ? strands.envelope
+                                               : which == gust      ? strands.gust
+                                               : which == sheltered ? strands.shield
+                                                                    : strands.contact;
             const VFloat* e = values.data() + (i / lanes) * size_t(strands.cvs);
             for (int k = 0; k < strands.cvs; ++k)
                 out[i * size_t(strands.cvs) + size_t(k)] =

@@ -10,6 +10,7 @@ namespace marram {
 
 // Attributes of a groom's curves, in the order of their indices in the contract.
 std::span<const MarramAttribute> groom_attributes();
+bool asks_for_contact(const MarramPatchBuffers& buffers);
 
 // One motion sample of a patch: count * (CVs + 2) vertices of four floats, including the phantom CVs at both
 // ends.

@@ -57,7 +57,7 @@ void ImportInstance::take(std::span<const MarramValue> list) {
     const Values given(list);
     ImportSettings read = read_import(given);
     for (const PassedAttribute& a : read.passed_attributes)
-        for (const std::string_view computed : {"envelope", "gust", "shield"})
+        for (const std::string_view computed : {"envelope", "gust", "shield", "contact"})
             if (a.name == computed)
                 send(host, MARRAM_WARNING, "strands.attribute_replaced", given.at("curves").place,
                      "the file's attribute '" + a.name +
@@ -397,6 +397,7 @@ void ImportInstance::tessellate(uint32_t index, const MarramPatchBuffers& buffer
     Strands& strands = worker.strands;
     strands.instance = on.mesh_instance.is_instance ? on.mesh_instance.mesh : nullptr;
     strands.has_wind_share = !settings.wind_by.empty();
+    strands.has_contact = asks_for_contact(*this, buffers);
     strands.irregular = true;
     for (const auto& run : patch.runs) {
         const std::span numbers(patch.order.data() + run[0], run[1] - run[0]);

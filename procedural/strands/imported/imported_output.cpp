@@ -17,6 +17,7 @@ enum ImportAttribute : uint32_t {
     import_envelope,
     import_gust,
     import_sheltered,
+    import_contact,
     import_attribute_count
 };
 
@@ -29,6 +30,7 @@ constexpr std::array computed_attribute_list = {
                     nullptr, 0},
     MarramAttribute{"shield", 1, MARRAM_PER_CV, 0,
                     "sheltered share of a CV, or of its strand (see wind.shielding)", nullptr, 0},
+    MarramAttribute{"contact", 1, MARRAM_PER_CV, 1, contact_help, nullptr, 0},
 };
 static_assert(computed_attribute_list.size() == import_attribute_count);
 
@@ -76,9 +78,10 @@ void write_computed_attribute(const ImportBatch& batch, const Strands& strands, 
         } else if (which == import_id) {
             out[c] = id_of(instance.settings.seed, curve);
         } else {
-            const WideVector<VFloat>& from = which == import_envelope ? strands.envelope
-                                             : which == import_gust   ? strands.gust
-                                                                      : strands.shield;
+            const WideVector<VFloat>& from = which == import_envelope    ? strands.envelope
+                                             : which == import_gust      ? strands.gust
+                                             : which == import_sheltered ? strands.shield
+                                                                         : strands.contact;
             float* to = out + batch.cv(c);
             for (size_t k = 0; k < cvs; ++k) to[k] = from[i / lanes * cvs + k][lane];
         }
@@ -222,6 +225,12 @@ void write_import_attributes(const ImportBatch& batch, const Strands& strands,
                 !uv_only_in_file(instance, computed)) // compares pointers to the same constant
                 write_computed_attribute(batch, strands, computed, buffers.attribute_values[a]);
     }
+}
+
+bool asks_for_contact(const ImportInstance& instance, const MarramPatchBuffers& buffers) {
+    return std::ranges::any_of(std::span(buffers.attributes, buffers.attribute_count), [&](uint32_t a) {
+        return instance.attributes[a].name == computed_attribute_list[import_contact].name;
+    });
 }
 
 void write_file_attributes(const ImportInstance& instance, const ImportPatch& patch,

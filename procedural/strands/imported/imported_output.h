@@ -15,6 +15,7 @@ std::span<const MarramAttribute> computed_attributes();
 // All attributes of strands with these settings: computed ones and those of the file, whose names point into
 // `settings`.
 std::vector<MarramAttribute> import_attribute_list(const ImportSettings& settings);
+bool asks_for_contact(const ImportInstance& instance, const MarramPatchBuffers& buffers);
 
 // Curves of a patch with equal CV count.
 struct ImportBatch {

@@ -308,12 +308,15 @@ bool solve_strand(const CollideJob& job, const StrandJob& strand, CollideScratch
             if (solve_remaining_without_contact(job, strand, progress, k, scratch, counts)) {
                 std::fill(scratch.segment_pushed_out.begin() + long(k), scratch.segment_pushed_out.end(),
                           char(false));
+                std::fill(scratch.segment_contact.begin() + long(k), scratch.segment_contact.end(),
+                          Contact::none);
                 return true;
             }
             next_look = k + std::max<size_t>(1, (n - k) / lookahead_divisor);
         }
         Segment segment;
         scratch.segment_pushed_out[k] = false;
+        scratch.segment_contact[k] = Contact::none;
         if (!next_segment(scratch, progress, k, segment)) {
             scratch.solved[k + 1] = scratch.solved[k];
             scratch.free_distance[k + 1] = progress.free_distance;
@@ -342,6 +345,10 @@ bool solve_strand(const CollideJob& job, const StrandJob& strand, CollideScratch
         }
         look_ahead = turned.outcome == Outcome::arrived;
         scratch.segment_pushed_out[k] = turned.pushed_out;
+        scratch.segment_contact[k] = turned.outcome == Outcome::unresolved ? Contact::unresolved
+                                     : turned.outcome == Outcome::contact || turned.pushed_out
+                                         ? Contact::contact
+                                         : Contact::none;
         counts.contacts += turned.outcome == Outcome::contact;
         counts.pushed_out += turned.pushed_out && turned.outcome != Outcome::unresolved;
         if (turned.outcome == Outcome::unresolved) {
@@ -503,6 +510,7 @@ void collide_strand(const CollideJob& job, Strands& strands, size_t i, CollideSc
         ++counts.unresolved;
         ++no_room_at(job, counts, scratch.rest[0], strand_length, scratch.rest[0]).roots;
         for (size_t k = 0; k < cvs; ++k) scratch.solved[k] = scratch.rest[k].cast<float>();
+        std::ranges::fill(scratch.segment_contact, Contact::unresolved);
     } else if (job.settings->solver == Solver::exact) {
         remove_penetration(job, strand, scratch, counts);
     }
@@ -524,6 +532,9 @@ void collide_strand(const CollideJob& job, Strands& strands, size_t i, CollideSc
         pose[k].y[lane] = scratch.solved[k].y();
         pose[k].z[lane] = scratch.solved[k].z();
     }
+    if (!strands.has_contact) return;
+    for (size_t k = 0; k < cvs; ++k)
+        strands.contact[block * cvs + k][lane] = float(scratch.segment_contact[k > 0 ? k - 1 : 0]);
 }
 
 } // namespace
@@ -537,6 +548,7 @@ void collide(const CollideJob& job, Strands& strands, CollideScratch& scratch, C
     scratch.radius.resize(cvs);
     scratch.turn_fraction.resize(cvs);
     scratch.segment_pushed_out.assign(cvs, false);
+    scratch.segment_contact.assign(cvs, Contact::none);
     scratch.free_distance.resize(cvs);
     for (size_t i = 0; i < size_t(strands.count); ++i) collide_strand(job, strands, i, scratch, counts);
 }

@@ -77,6 +77,7 @@ struct CollideScratch {
     std::vector<double> radius;           // of the strand at each CV
     std::vector<double> turn_fraction;    // fraction of its turn that a segment may take
     std::vector<char> segment_pushed_out; // [cvs]: the segment that starts here was turned out
+    std::vector<Contact> segment_contact; // [cvs]: of the segment that starts here
     // [cvs]: a lower bound on the distance from the CV, and from the segment that ends there, to every
     // collider
     std::vector<double> free_distance;

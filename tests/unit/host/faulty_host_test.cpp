@@ -121,7 +121,8 @@ bool spoil(const ProceduralType& type, WrongValues& wrong, size_t index, int fau
         wrong.key_frames = {1.0, 9.0};
         wrong.key_numbers = wrong.numbers;
         wrong.key_numbers.insert(wrong.key_numbers.end(), wrong.numbers.begin(), wrong.numbers.end());
-        wrong.keys = {sizeof(MarramKeyframes), 2, wrong.key_frames.data(), wrong.key_numbers.data(), "linear"};
+        wrong.keys = {sizeof(MarramKeyframes), 2, wrong.key_frames.data(), wrong.key_numbers.data(),
+                      "linear"};
         value.keyframes = &wrong.keys;
         if (fault == 15) wrong.key_frames[1] = 1.0; // twice
         if (fault == 16) wrong.key_numbers.back() = std::nan("");
@@ -435,6 +436,9 @@ TEST_F(FaultyHost, IsToldOfNullPointers) {
         if (calls.summarize) {
             EXPECT_EQ(calls.summarize(nullptr, nullptr, nullptr), MARRAM_ERROR);
         }
+        if (calls.gusts) {
+            EXPECT_EQ(calls.gusts(nullptr, nullptr, nullptr), MARRAM_ERROR);
+        }
         calls.report(nullptr, nullptr, nullptr);
         calls.destroy(nullptr);
 
@@ -457,6 +461,9 @@ TEST_F(FaultyHost, IsToldOfNullPointers) {
                                 "no sink");
         if (calls.summarize)
             called.expect_error(calls.summarize(called.instance, nullptr, nullptr), "contract.null_sink",
+                                "no sink");
+        if (calls.gusts)
+            called.expect_error(calls.gusts(called.instance, nullptr, nullptr), "contract.null_sink",
                                 "no sink");
         if (calls.mesh)
             called.expect_error(calls.mesh(called.instance, nullptr), "contract.null_buffer", "no buffers");
@@ -609,6 +616,11 @@ TEST_F(FaultyHost, IsToldOfCallsOutOfOrder) {
                 called.expect_error(calls.summarize(
                                         called.instance, [](void*, const char*) {}, nullptr),
                                     "contract.no_frame", "summarize");
+            if (calls.gusts)
+                called.expect_error(
+                    calls.gusts(
+                        called.instance, [](void*, const double*, double, double) {}, nullptr),
+                    "contract.no_frame", "gusts");
             if (calls.view_mesh)
                 called.expect_error(calls.view_mesh(called.instance, &mesh_buffers), "contract.no_view",
                                     "view_mesh");

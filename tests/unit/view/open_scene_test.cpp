@@ -3,6 +3,7 @@
 
 #include "core/scene/value_text.h"
 #include "core/shot/settings.h"
+#include "core/view/handles.h"
 #include "core/world/build.h"
 
 #include <gtest/gtest.h>
@@ -262,6 +263,100 @@ TEST_F(OpenSceneTest, WatchesFilesThatValuesName) {
     EXPECT_FALSE(files_changed(scene));
     fs::last_write_time(folder / "mask.pgm", fs::file_time_type::clock::now() - std::chrono::hours(1));
     EXPECT_TRUE(files_changed(scene));
+}
+
+TEST_F(OpenSceneTest, HandlesAreWhereTheValuesSay) {
+    std::string text = scene_text;
+    text.replace(
+        text.find("jiggle ="), 0,
+        "gusts = { control = [{ shape = \"box\", inner = [0.5, 1, 1], transform = { translate = [1, 2, 3] } "
+        "}, "
+        "{ transform = { keys = [{ frame = 1 }, { frame = 9, translate = [4, 0, 0] }], interpolation = "
+        "\"smooth\" } }] }\nfield = [{ velocity = [1, 0, 0] }]\n");
+    write(text);
+    OpenScene scene(file, {}, stop);
+    scene.load();
+    const nlohmann::json handles = handles_of(*scene.shot());
+    ASSERT_EQ(handles.size(), 3U);
+    EXPECT_EQ(handles[0]["key"], "wind.gusts.control[0].transform");
+    EXPECT_EQ(handles[0]["shape"], "box");
+    EXPECT_EQ(handles[0]["inner"], (std::vector<double>{0.5, 1, 1}));
+    EXPECT_EQ((handles[0]["keys"].get<std::vector<double>>()),
+              (std::vector<double>{0, 1, 2, 3, 0, 0, 0, 1, 1, 1}));
+    EXPECT_EQ(handles[1]["keys"].size(), 20U);
+    EXPECT_EQ(handles[1]["interpolation"], "smooth");
+    EXPECT_EQ(handles[2]["kind"], "field");
+    EXPECT_EQ(handles[2]["keys"].size(), 10U);
+    scene.set("wind.gusts.control[1].strength", "0.5");
+    scene.set("wind.gusts.control", "[{ strength = 2 }]"); // what was changed within is gone with it
+    EXPECT_EQ(scene.changed().size(), 1U);
+    EXPECT_EQ(handles_of(*scene.shot()).size(), 2U);
+    scene.undo();
+    EXPECT_EQ(handles_of(*scene.shot()).size(), 3U);
+}
+
+TEST_F(OpenSceneTest, DrawnCurvesFollowTheirPoints) {
+    std::string text = scene_text;
+    text += R"(
+[[curves]]
+name = "guide"
+type = "points"
+points = [[-0.5, 0, 0], [0.5, 0, 0]]
+)";
+    text.replace(text.find("jiggle ="), 0,
+                 "field = [{ shape = \"curves\", along = \"guide\", reach = 0.5 }]\n");
+    write(text);
+    OpenScene scene(file, {}, stop);
+    scene.load();
+    const std::vector<float> before = strands(*scene.shot(), 3);
+    const uint64_t loads = scene.loads();
+    EXPECT_EQ(handles_of(*scene.shot())[1]["key"], "curves.guide.points");
+    scene.set("curves.guide.points", "[[0, 0, -0.5], [0, 0, 0.5]]");
+    EXPECT_EQ(scene.loads(), loads);
+    EXPECT_EQ(strands(*scene.shot(), 3),
+              strands_with({"curves.guide.points=[[0, 0, -0.5], [0, 0, 0.5]]"}, 3));
+    EXPECT_NE(strands(*scene.shot(), 3), before);
+    EXPECT_THROW(scene.set("curves.guide.points", "[[0, 0, 0]]"), InputError);
+    scene.undo();
+    EXPECT_EQ(strands(*scene.shot(), 3), before);
+    EXPECT_EQ(scene.loads(), loads);
+}
+
+TEST_F(OpenSceneTest, RandomGustsAreWhereTheStrandsFeelThem) {
+    std::string text = scene_text;
+    text.replace(
+        text.find("jiggle ="), 0,
+        "gusts = { num_gusts = 3, radius_range = [0.3, 0.6], radius_noise_range = [0, 0], period = 24 }\n");
+    write(text);
+    OpenScene scene(file, {}, stop);
+    scene.load();
+    size_t touched = 0, missed = 0;
+    for (int frame = 1; frame <= 24; ++frame) {
+        set_frame(*scene.shot(), frame);
+        BuildSettings settings = build_settings(*scene.shot(), frame);
+        settings.shutter_open = settings.shutter_close = 0.0;
+        settings.trace_curves = false;
+        settings.attributes = {"gust"};
+        BuildProgress progress;
+        BuildStats stats;
+        const World world = build_world(scene.shot()->geometry, settings, stop, progress, stats);
+        const auto gusts = scene.shot()->geometry.procedurals[0]->gusts();
+        const CurveGeometry& curves = world.curves.at(0);
+        const std::vector<float>& felt = curves.attributes.at(0).values;
+        const CurveLayout layout = curves.layout();
+        for (uint64_t c = 0; c < curves.curve_count; ++c) {
+            const float* const root = curves.vertices[0] + 4 * (layout.first_vertex(c) + 1);
+            bool inside = false;
+            for (const auto& gust : gusts)
+                inside = inside || (Vec3f(root[0], root[1], root[2]).cast<double>() - gust.center).norm() <
+                                       gust.radius - 1e-3; // the root stands a little above the skin
+            const float value = felt[layout.first_vertex(c) - 2 * c];
+            touched += inside && value > 0.0F;
+            missed += inside && !(value > 0.0F);
+        }
+    }
+    EXPECT_GT(touched, 100U);
+    EXPECT_EQ(missed, 0U);
 }
 
 TEST_F(OpenSceneTest, WarnsOnceOfEachThing) {

@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: Apache-2.0
+// Colours by an attribute of strands and meshes (the share of the wind, gusts, shelter, contacts, sand): which one, the range of its
+// colours, and the legend. shaders.js has the colours.
+import {state, on, byId, make, remembered, remember} from "./state.js";
+import {ask_again} from "./player.js";
+import {world} from "./world.js";
+import {value_stops, class_colors} from "./shaders.js";
+
+// The range only grows while one attribute is shown, so that colours keep their meaning from frame to frame.
+export const values = {name: remembered("values", ""), lower: 0, upper: 0, classes: false};
+const css = color => `rgb(${color.map(c => Math.round(255 * c)).join()})`;
+const class_names = {contact: ["free", "met a mesh", "no room"]};
+
+export function show_values(name) {
+  values.name = name;
+  values.lower = values.upper = 0;
+  remember("values", name);
+  byId("values").value = name;
+  show_legend();
+  ask_again();
+}
+
+export function next_value() {
+  const names = ["", ...(state.scene?.values || []).map(v => v.name)];
+  show_values(names[(names.indexOf(values.name) + 1) % names.length]);
+}
+
+const short = x => String(Number(x.toPrecision(3)));
+function show_legend() {
+  const known = (state.scene?.values || []).find(v => v.name === values.name), legend = byId("legend");
+  legend.hidden = !known;
+  if (!known) return;
+  values.classes = known.discrete;
+  const parts = [make("b", {}, values.name)];
+  if (known.discrete) {
+    for (const [i, color] of class_colors.entries())
+      parts.push(make("i", {style: `background:${css(color)}`}), make("span", {}, (class_names[values.name] || [])[i] ?? String(i)));
+  } else if (values.upper > values.lower) {
+    const stops = value_stops.map((color, i) => `${css(color)} ${100 * i / (value_stops.length - 1)}%`);
+    parts.push(make("span", {}, short(values.lower)), make("i", {class: "wide", style: `background:linear-gradient(90deg,${stops.join()})`}),
+      make("span", {}, short(values.upper)));
+  } else parts.push(make("span", {}, values.upper ? `everywhere ${short(values.upper)}` : "0 everywhere"));
+  legend.replaceChildren(...parts);
+  legend.title = known.help;
+}
+
+// Of a frame that is shown.
+export function take_range(range) {
+  if (!range || range.name !== values.name) return;
+  const lower = Math.min(values.lower, range.lower), upper = Math.max(values.upper, range.upper);
+  if (lower === values.lower && upper === values.upper && !byId("legend").hidden) return;
+  Object.assign(values, {lower, upper});
+  show_legend();
+}
+
+export function start_values() {
+  byId("values").onchange = event => show_values(event.target.value);
+  on("scene", scene => {
+    const names = scene.values.map(v => v.name), select = byId("values");
+    select.parentElement.hidden = !names.length;
+    select.replaceChildren(make("option", {value: ""}, "material"), ...scene.values.map(v => make("option", {value: v.name, title: v.help}, v.name)));
+    if (!names.includes(values.name)) values.name = "";
+    select.value = values.name;
+    show_legend();
+  });
+  world.values = values;
+}

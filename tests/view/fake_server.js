@@ -5,6 +5,14 @@
   const cvs = 6, total = 423000, frames = [1, 96];
   const parameter = (key, type, value, more = {}) => ({key, label: key.split(".").pop(), type, unit: "", min: null, max: null, choices: [], help: `The ${key} of this stand-in.`,
     file_value: value, value, initial: value, given: false, changed: false, keyable: false, keyed: false, ...more});
+  // Values as texts of TOML, and back: enough for what the page writes.
+  const toml = value => Array.isArray(value) ? `[${value.map(toml).join(", ")}]`
+    : typeof value === "object" ? `{ ${Object.entries(value).map(([name, one]) => `${name} = ${toml(one)}`).join(", ")} }` : JSON.stringify(value);
+  const plain = text => JSON.parse(text.replace(/([\w.]+) = /g, '"$1": '));
+  const types = {shape: "choice", transform: "keys"};
+  const element_params = (list, elements) => elements.flatMap((element, i) => Object.entries({strength: 1, ...element}).map(([name, value]) =>
+    parameter(`${list}[${i}].${name}`, types[name] || "number", toml(value), {given: name in element, label: `${list.slice(5)}[${i}].${name}`,
+      choices: name === "shape" ? ["sphere", "box"] : [], keyed: !!value.keys})));
   const groups = [
     {title: "wind", params: [
       parameter("wind.speed", "number", "8", {unit: "m/s", min: 0, max: 200, given: true, initial: "0", help: "Speed of the wind, which response turns into strength. Strands bend more in faster wind."}),
@@ -12,7 +20,12 @@
       parameter("wind.calm", "number", "0.35", {min: 0, max: 1}), parameter("wind.waviness", "number", "0.6", {min: 0, max: null}),
       parameter("wind.response", "ramp", "[[0, 0], [12, 1]]", {given: true, min: 0}), parameter("wind.ramp_rotate", "ramp", '{ knots = [[0, 0.25], [0.5, 0.4], [1, 1]], interpolation = "smooth" }'),
       parameter("wind.noise.frequency", "number", "0.45", {unit: "1/m", min: 0.001, max: 1000}), parameter("wind.noise.octaves", "integer", "3", {min: 1, max: 12}),
-      parameter("wind.gusts.radius_range", "range", "[1.5, 3]", {unit: "m", min: 0}), parameter("wind.over", "reference", "none", {initial: "none", help: "Name of the terrain that the wind flows over."})]},
+      parameter("wind.gusts.radius_range", "range", "[1.5, 3]", {unit: "m", min: 0}),
+      ...element_params("wind.gusts.control", [
+        {shape: "sphere", transform: {keys: [{frame: 1, translate: [-2, 1.6, 1], scale: [0.9, 0.9, 0.9]}, {frame: 96, translate: [2.5, 1.6, 1], scale: [0.9, 0.9, 0.9]}]}},
+        {shape: "box", transform: {translate: [2.2, 0.9, 0.5], rotate: [0, 25, 0], scale: [1, 0.6, 0.8]}, strength: 0.5}]),
+      ...element_params("wind.field", [{shape: "sphere", swirl: 2, transform: {translate: [-2.4, 0.7, 1.5], scale: [0.6, 0.6, 0.6]}}]),
+      parameter("wind.over", "reference", "none", {initial: "none", help: "Name of the terrain that the wind flows over."})]},
     {title: "grass", params: [
       parameter("grass.density", "number", "1500", {unit: "1/m²", min: 0}), parameter("grass.length", "range", "[0.18, 0.42]", {unit: "m", min: 0, given: true}),
       parameter("grass.shape", "choice", '"ribbon"', {choices: ["round", "ribbon", "flat"]}), parameter("grass.seed", "integer", "3", {min: 0, max: 4294967295}),
@@ -22,18 +35,42 @@
     {title: "camera", params: [parameter("camera.position", "vec3", "[-1.2, 1.15, 8.6]", {unit: "m"}), parameter("camera.fov", "number", "36", {unit: "deg", min: 0.01, max: 179}),
       parameter("camera.path", "keys", '[{ frame = 1, translate = [0, 0, 0] }]'), parameter("camera.roll", "number", "{ keys = [[1, 0], [48, 20]] }", {keyable: true, keyed: true, unit: "deg"})]},
   ];
+  let ridge = [-3, 1.2, -1, -1.5, 1.9, -1, 0, 2.4, -1.5, 1.5, 1.9, -1];   // a drawn curve
   const find = key => groups.flatMap(group => group.params).find(param => param.key === key);
   const num = key => Number(find(key).value);
   let revision = 1, selection = 0, cache = null;
   const undos = [], redos = [];
+  const state_text = () => JSON.stringify({groups, ridge, lists: [...lists]}), lists = new Map();   // lists: texts that replace whole lists
+  function restore(text) {
+    const from = JSON.parse(text);
+    groups.splice(0, groups.length, ...from.groups);
+    ridge = from.ridge;
+    lists.clear();
+    for (const [key, value] of from.lists) lists.set(key, value);
+  }
+  function set_list(list, text) {
+    const others = groups[0].params.filter(param => !param.key.startsWith(list + "[")), at = others.findIndex(param => param.key === "wind.over");
+    others.splice(at, 0, ...element_params(list, plain(text)));
+    groups[0].params = others;
+    lists.set(list, text);
+  }
+  function handles() {
+    const found = groups[0].params.filter(param => param.key.endsWith(".transform")).map(({key, value}) => {
+      const [, list, index] = /^(.*)\[(\d+)\]/.exec(key), given = plain(value), keys = given.keys || [{frame: 1, ...given}];
+      return {key, list, index: Number(index), kind: list === "wind.field" ? "field" : "gust", shape: JSON.parse(find(`${list}[${index}].shape`).value), inner: null,
+        keys: keys.flatMap(one => [one.frame, ...(one.translate || [0, 0, 0]), ...(one.rotate || [0, 0, 0]), ...(one.scale || [1, 1, 1])]),
+        interpolation: given.interpolation || "linear"};
+    });
+    return [...found, {key: "curves.ridge.points", kind: "points", points: ridge, closed: false}];
+  }
   const sum = Math.sin;
   const height = (x, z) => 1.6 * Math.exp(-(x * x + z * z) / 14) + 0.1 * sum(x * 1.3) * Math.cos(z * 1.7);
   function scene() {
     return {type: "scene", revision, file: "/scenes/lawn.toml", fps: 24, frames, seconds_per_frame: 1 / 24,
       camera: {position: [-1.2, 1.35, 7.6], target: [0.2, 1.1, 0], up: [0, 1, 0], fov: 36, size: [1280, 720]}, exposure: 0.4,
       light: {sun: {direction: [-0.76, 0.36, -0.54], color: [1.5, 1.25, 0.95]}, sky: [0.32, 0.42, 0.62], ground: [0.12, 0.11, 0.08]},
-      layers: ["beauty", "albedo", "normal", "depth"], bounds: {lower: [-8, -0.2, -8], upper: [8, 2.2, 8]}, groups,
-      changes: groups.flatMap(group => group.params).filter(param => param.changed).map(param => `${param.key}=${param.value}`),
+      layers: ["beauty", "albedo", "normal", "depth"], bounds: {lower: [-8, -0.2, -8], upper: [8, 2.2, 8]}, groups, handles: handles(),
+      changes: [...groups.flatMap(group => group.params).filter(param => param.changed).map(param => `${param.key}=${param.value}`), ...[...lists].map(([key, text]) => `${key}=${text}`)],
       undo: undos.length > 0, redo: redos.length > 0, warnings: []};
   }
   function packed(header, parts) {
@@ -90,9 +127,11 @@
       payload = new Uint16Array(3 * n + (3 * n & 1));
       for (let i = 0; i < 3 * n; ++i) payload[i] = Math.round(Math.min(65535, Math.max(0, (floats[i] - chunk.lower[i % 3]) / chunk.step[i % 3])));
     }
-    out.push(packed({type: "frame", seq: request.seq, frame: request.frame, revision, selection: cache.selection, chain_ms: performance.now() - start, other_ms: 1, parts: [{chunks: [chunk]}], meshes: []}, [payload]));
+    out.push(packed({type: "frame", seq: request.seq, frame: request.frame, revision, selection: cache.selection, chain_ms: performance.now() - start, other_ms: 1, parts: [{chunks: [chunk]}], meshes: [],
+      gusts: [{center: [(request.frame / 12) % 8 - 4, 1, -1], radius: 0.8, strength: 1}, {center: [3 - (request.frame / 20) % 6, 0.6, 2.4], radius: 0.5, strength: 0.4}]}, [payload]));
     return out;
   }
+  const as_in_file = state_text();
   const log = window.fake_log = [];
   window.fake_frame = frame;
   window.WebSocket = class {
@@ -111,25 +150,33 @@
       log.push(request);
       if (request.type === "frame") setTimeout(() => frame(request).forEach(data => this.give(data)), 2);
       if (request.type === "set") this.set(request.key, request.value);
-      if (request.type === "reset") { for (const param of groups.flatMap(group => group.params)) if (param.changed) this.apply(param, param.file_value); this.changed(); }
-      if (request.type === "undo" && undos.length) { const [param, before, after] = undos.pop(); redos.push([param, before, after]); this.apply(param, before); this.changed(); }
-      if (request.type === "redo" && redos.length) { const [param, before, after] = redos.pop(); undos.push([param, before, after]); this.apply(param, after); this.changed(); }
+      if (request.type === "reset") { restore(as_in_file); this.changed(); }
+      if (request.type === "undo" && undos.length) { redos.push(state_text()); restore(undos.pop()); this.changed(); }
+      if (request.type === "redo" && redos.length) { undos.push(state_text()); restore(redos.pop()); this.changed(); }
       if (request.type === "save") { for (const param of groups.flatMap(group => group.params)) { param.file_value = param.value; param.changed = false; } this.give('{"type":"saved","file":"/scenes/lawn.toml"}'); this.changed(); }
       if (request.type === "render") this.render(request);
       if (request.type === "stop") clearInterval(this.timer);
     }
     set(key, value) {
       const param = find(key);
+      if (!param) {
+        redos.length = 0;
+        undos.push(state_text());
+        if (key === "curves.ridge.points") ridge = plain(value).flat();
+        else set_list(key, value);
+        this.changed();
+        return;
+      }
       if (value !== null && param.type === "number" && (Number(value) < (param.min ?? -Infinity) || Number(value) > (param.max ?? Infinity))) {
         this.give(JSON.stringify({type: "problems", problems: [{place: "lawn.toml:3:5", what: `${key} is ${value}`, fix: `write a number from ${param.min} to ${param.max}`}]}));
         return;
       }
       redos.length = 0;
-      undos.push([param, param.value, value ?? param.file_value]);
+      undos.push(state_text());
       this.apply(param, value ?? param.file_value);
       this.changed();
     }
-    apply(param, value) { param.value = value; param.changed = value !== param.file_value; }
+    apply(param, value) { param.value = value; param.changed = value !== param.file_value; param.given = param.given || param.changed; }
     changed() { ++revision; this.give('{"type":"problems","problems":[]}'); this.give(JSON.stringify(scene())); }
     render(request) {
       clearInterval(this.timer);

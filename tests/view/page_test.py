@@ -3,6 +3,7 @@
 """Tests the page of `marram view` without the program: fake_server.js answers in its place, so that what a program does not do on purpose
 can be tried: lost connections, malformed messages, answers that come late.   tests/view/page_test.py [FOLDER OF THREE.JS]"""
 import http.server
+import json
 import os
 import shutil
 import sys
@@ -111,6 +112,152 @@ def test_sliders(view):
     view.wait("marram.state.scene.changes.length === 0")
 
 
+VALUES = """import('./handle_values.js').then(v => {
+  const keys = v.keys_of([1, 0, 0, 0, 0, 0, 0, 1, 1, 1, 11, 10, 0, -5, 0, 90, 0, 2, 2, 2]), at = (...a) => v.pose_at(keys, ...a);
+  const near = (a, b) => a.every((x, k) => Math.abs(x - b[k]) < 1e-9), one = {...v.identity(), frame: 1};
+  const groups = [{params: [["a.b[0].shape", '"box"', true], ["a.b[0].strength", "1", false], ["a.b[2].noise.size", "[1, 2]", true], ["a.bc[5].x", "1", true]]
+    .map(([key, value, given]) => ({key, value, given}))}];
+  return {
+    "constant before the first and after the last key": near(at(-3).translate, [0, 0, 0]) && near(at(40).translate, [10, 0, -5]),
+    "linear between": near(at(3.5).translate, [2.5, 0, -1.25]) && near(at(3.5).rotate, [0, 22.5, 0]) && near(at(6).scale, [1.5, 1.5, 1.5]),
+    "smooth": near(at(3.5, "smooth").translate, [1.5625, 0, -0.78125]),
+    "no key is the identity": v.keys_of([]).length === 1 && v.transform_text(v.keys_of([])) === "{ translate = [0, 0, 0] }",
+    "identity is left out": v.transform_text([{...one, scale: [2, 2, 2]}]) === "{ scale = [2, 2, 2] }",
+    "a text of keys": v.transform_text(keys, "smooth") ===
+      '{ keys = [{ frame = 1 }, { frame = 11, translate = [10, 0, -5], rotate = [0, 90, 0], scale = [2, 2, 2] }], interpolation = "smooth" }',
+    "one key as keys": v.transform_text([one], "linear", true) === "{ keys = [{ frame = 1 }] }",
+    "what is tiny is 0": v.vector_text([1, 1e-9, -2.3456789]) === "[1, 0, -2.3457]",
+    "a key is put in its place": v.with_key(keys, 5, one).map(k => k.frame).join() === "1,5,11" && v.with_key(keys, 11, one)[1].translate[0] === 0,
+    "and taken away": v.without_key(keys, 1).length === 1,
+    "angles turn the short way": near(v.nearest_turn([-170, 0, 0], [180, 0, 0]), [190, 0, 0]) && near(v.nearest_turn([180, 60, 180], [0, 110, 0]), [0, 120, 0]),
+    "points": v.points_text([0, 1, 2, 3, 4, 5.5]) === "[[0, 1, 2], [3, 4, 5.5]]",
+    "a list of tables": v.list_of_tables_text(v.elements_of(groups, "a.b", new Map([["a.b[1].transform", "{ scale = 2 }"]]))) ===
+      '[{ shape = "box" }, { transform = { scale = 2 } }, { noise.size = [1, 2] }]',
+  }; })"""
+
+
+def pointer(view, start, end=None, steps=3, modifiers=0, hold=False):
+    """A click at a point of the page, or a drag to another."""
+    end, page = end or start, view.page
+    page.mouse("mouseMoved", *start, "none")
+    page.mouse("mousePressed", *start, clickCount=1, buttons=1, modifiers=modifiers)
+    for i in range(1, steps + 1) if end != start else ():
+        page.mouse("mouseMoved", *(a + (b - a) * i / steps for a, b in zip(start, end)), buttons=1, modifiers=modifiers)
+    if not hold:
+        page.mouse("mouseReleased", *end, clickCount=1, modifiers=modifiers)
+
+
+def test_handles(view):
+    for what, fine in view.js(VALUES).items():
+        check("values of shapes: " + what, fine)
+    view.settle()
+    view.view_focus()
+    view.page.key("Home")
+    view.wait("marram.world.frame === 1")
+    view.js("window.handle = key => marram.state.scene.handles.find(h => h.key === key)")
+    box = "wind.gusts.control[1].transform"
+    selected = lambda: (view.js("marram.handles.selected()") or {}).get("key")
+    middle = lambda key: view.js(f"marram.handles.on_screen(marram.handles.views().get('{key}').center().toArray())")
+    # The middle of the gizmo's arm along an axis, on the screen; it points to the camera's side.
+    arm = lambda axis: view.js(f"(() => {{ const g = marram.handles.gizmo(), p = g.object.getWorldPosition(new THREE.Vector3()), c = marram.world.camera;"
+                               f"p.{axis} += Math.sign(c.position.{axis} - p.{axis}) * 0.6 * p.distanceTo(c.position) * g.size / 7; return marram.handles.on_screen(p.toArray()); }})()")
+    last = lambda key: view.js(f"(fake_log.filter(m => m.type === 'set' && m.key === '{key}').pop() || {{}}).value")
+    camera = view.js("JSON.stringify(marram.world.camera.position.toArray())")
+    drifting = "marram.handles.drifting().spheres.filter(s => s.visible).length"
+    check("the gusts of a frame are shown", view.js(drifting) == 2)
+    pointer(view, middle(box))
+    check("a click selects a shape", selected() == box)
+    check("its line tells where it is", view.js("document.querySelector('#handle_line').textContent").startswith("gust 2at 2.2, 0.9, 0.5"))
+    view.wait("!marram.world.dirty")
+    start = arm("y")
+    view.js("fake_log.length = 0; fake_socket.changed = () => {}")   # no answer to the first value
+    pointer(view, start, (start[0], start[1] - 90), steps=6, hold=True)
+    view.wait("new Promise(done => setTimeout(() => done(true), 150))")
+    check("no value is sent before the last is answered", view.js("fake_log.filter(m => m.type === 'set').length") == 1)
+    view.js("delete fake_socket.changed")
+    view.page.mouse("mouseReleased", start[0], start[1] - 90, clickCount=1)
+    check("no orbit meanwhile", view.js("JSON.stringify(marram.world.camera.position.toArray())") == camera)
+    settled = "fake_log.length && marram.player.idle() && JSON.stringify(handle('wind.gusts.control[1].transform').keys.slice(1, 4).map(x => x.toFixed(3))) === " \
+              f"JSON.stringify(marram.handles.views().get('{box}').object.position.toArray().map(x => x.toFixed(3)))"
+    check("a drag moves it, and the last value sent is where it is", view.wait(settled) and view.js("handle('wind.gusts.control[1].transform').keys[2] > 1.2"))
+    check("it is written as one pose", last(box).startswith("{ translate = [2.2, ") and "keys" not in last(box), last(box))
+    height = f"marram.handles.views().get('{box}').object.position.y"
+    high = view.js(height)
+    view.page.key("z", "ctrl")
+    check("undo takes it back", view.wait(f"{height} < {high} - 0.01"))
+    view.js("document.querySelector('#reset').click()")
+    check("and reset to the file's place, still selected", view.wait(f"{height} === 0.9") and selected() == box)
+    view.page.key("k")
+    check("K makes a key", view.wait("marram.state.scene.changes.length === 1") and last(box).startswith("{ keys = [{ frame = 1, "), last(box))
+    view.page.key("ArrowRight", "shift")
+    view.wait("marram.world.frame === 11 && !marram.world.dirty")
+    view.page.key("3")
+    start = middle(box)
+    pointer(view, start, (start[0] + 55, start[1] - 55))
+    check("a drag at another frame makes the next, the middle scales all sides",
+          view.wait("handle('wind.gusts.control[1].transform').keys.length === 20 && marram.player.idle()") and
+          "frame = 11" in last(box) and "scale = [2, 1.2, 1.6]" in last(box), last(box))
+    view.js("[...document.querySelectorAll('#handle_line button')].find(b => b.textContent === 'remove key').click()")
+    check("a button removes it", view.wait("handle('wind.gusts.control[1].transform').keys.length === 10"))
+    view.page.key("g")
+    new = "wind.gusts.control[2].transform"
+    check("G adds a gust and selects it", view.wait(f"(marram.handles.selected() || {{}}).key === '{new}'"))
+    check("where the camera looks", view.js("handle('wind.gusts.control[2].transform').keys.slice(1, 4).every((x, k) => "
+                                            "Math.abs(x - marram.world.controls.target.getComponent(k)) < 1e-3)"))
+    text = last("wind.gusts.control")
+    check("the others are as they were", "strength = 0.5" in text and text.count("shape =") == 3, text)
+    view.page.key("Delete")
+    check("Delete deletes it", view.wait(f"!marram.handles.views().has('{new}')") and selected() is None and last("wind.gusts.control").count("shape =") == 2)
+    dot = view.js("marram.handles.on_screen([0, 2.4, -1.5])")
+    pointer(view, dot)
+    check("a click selects a point of a curve", view.js("(marram.handles.selected() || {}).point") == 2)
+    view.wait("!marram.world.dirty")
+    start = arm("y")
+    pointer(view, start, (start[0], start[1] - 40))
+    check("which can be dragged", view.wait("handle('curves.ridge.points').points[7] > 2.6") and last("curves.ridge.points").startswith("[[-3, 1.2, -1], "))
+    view.settle()
+    value = last("curves.ridge.points")
+    start = arm("y")
+    pointer(view, start, (start[0], start[1] - 30), hold=True)
+    view.page.key("Escape")
+    view.page.mouse("mouseReleased", start[0], start[1] - 30, clickCount=1)
+    check("Escape takes a drag back", view.wait("marram.player.idle() && !marram.handles.dragging()") and last("curves.ridge.points") == value)
+    view.page.key("Escape")
+    check("and then unselects", selected() is None)
+    pointer(view, middle(box))
+    view.page.drag("#live", (0.3, 0.85), (0.33, 0.85), steps=3)
+    check("a drag of the view is no click", selected() == box and view.js("JSON.stringify(marram.world.camera.position.toArray())") != camera)
+    pointer(view, (200, 80))
+    check("a click beside all unselects", selected() is None)
+    view.page.key("c")
+    view.page.key("w")
+    check("W hides the shapes, which is remembered", not view.js("marram.handles.visible()") and view.js("JSON.parse(sessionStorage['marram.show']).gusts === false"))
+    view.page.key("w")
+    view.page.key("r")
+    check("a picture over the view hides them", not view.js("marram.handles.visible()"))
+    view.page.key("Escape")
+
+
+def test_compass(view):
+    view.js("document.querySelector('#reset').click()")
+    view.wait("marram.state.scene.changes.length === 0")
+    view.settle()
+    box = view.page.box("#compass")
+    x, y, radius = box["x"] + box["width"] / 2, box["y"] + box["width"] / 2, 0.33 * box["width"]
+    pointer(view, (x, y - radius), (x + radius, y))
+    right = view.js("(() => { const e = marram.world.camera.matrixWorld.elements, s = Math.hypot(1, 0.25) / Math.hypot(e[0], e[2]); "
+                    "return [s * e[0], 0, s * e[2]]; })()")
+    value = lambda: view.js("(fake_log.filter(m => m.key === 'wind.direction').pop() || {value: '[0, 0, 0]'}).value")
+    near = lambda: all(abs(a - b) < 0.02 for a, b in zip(json.loads(value()), right))
+    check("the dial turns the wind", view.wait("marram.player.idle() && marram.state.scene.changes.length === 1") and near(), f"{value()} {right}")
+    pointer(view, (x + 5, y), (x + radius / 2, y), modifiers=8)
+    check("with Shift it sets the speed", view.wait("marram.player.idle() && Math.abs(Number(marram.state.scene.changes[0].split('=')[1]) - 10) < 0.3"))
+    view.js("marram.state.scene.groups[0].params.find(p => p.key === 'wind.speed').keyed = true; fake_socket.give(JSON.stringify(marram.state.scene))")
+    check("it goes away when the speed has keys", view.wait("document.querySelector('#compass').hasAttribute('hidden')"))
+    view.js("document.querySelector('#reset').click()")
+    check("and comes back", view.wait("!document.querySelector('#compass').hasAttribute('hidden')"))
+
+
 def test_connection(view):
     view.settle()
     view.view_focus()
@@ -142,7 +289,7 @@ def main():
     try:
         with Browser() as browser:
             view = FakedView(browser, f"http://127.0.0.1:{server.server_port}/token/")
-            for test in (test_messages, test_requests, test_hidden, test_sliders, test_connection):
+            for test in (test_messages, test_requests, test_hidden, test_sliders, test_handles, test_compass, test_connection):
                 test(view)
             check("no errors in the console", not view.page.errors, "; ".join(view.page.errors))
     except BrowserError as error:

@@ -8,6 +8,8 @@ import {start_panel, options_text} from "./panel.js";
 import {command, edits} from "./edits.js";
 import {start_values, next_value, take_range} from "./values.js";
 import {start_render, toggle, toggle_beside, keep_a, drop_a, set_mode, picture} from "./render.js";
+import {start_handles, handles, handle_keys, leave_handles} from "./handles.js";
+import {start_compass, compass} from "./compass.js";
 
 const help = {
   "Time": [["space", "play, pause"], ["← →", "one frame back, on"], ["Shift ← →", "ten frames"], ["Home End", "first, last frame"], ["L", "loop"],
@@ -17,6 +19,8 @@ const help = {
   "Colours": [["V", "by an attribute: share of the wind, gusts, shelter, contacts; again: the next, at last the materials"]],
   "Picture": [["R", "path-traced picture over the view"], ["P", "picture beside the view"], ["A", "keep the picture as A, compare with B"], ["Shift A", "drop A"],
     ["Escape", "back to the live view"]],
+  "Wind": [["W", "show or hide gusts and fields"], ["click", "select one; beside all: none"], ["1 2 3 or T E S", "move, turn, scale it"], ["K", "a key at this frame; then drag at another"],
+    ["G", "new gust"], ["X or Delete", "delete"], ["Escape", "unselect, take a drag back"], ["dial", "drag turns the wind; Shift: its speed"]],
   "Parameters": [["/", "search"], ["Ctrl Z", "undo"], ["Ctrl Shift Z", "redo"], ["Ctrl S", "write the changes to the scene file"],
     ["orange dot", "the value differs from the file; click: back to it"], ["drag a number", "change it; Shift: finer"], ["↑ ↓ in a number", "change it; Shift: ten times"],
     ["ramp", "drag knots; double click adds and removes; Delete removes"]],
@@ -39,7 +43,8 @@ const keys = {
   v: next_value, l: () => byId("loop").click(), "/": () => { byId("search").focus(); byId("search").select(); },
   a: event => event.shiftKey ? drop_a() : keep_a(),
   ArrowLeft: event => { touch(); step(event.shiftKey ? -10 : -1); }, ArrowRight: event => { touch(); step(event.shiftKey ? 10 : 1); },
-  Escape: () => { if (picture.mode !== "off") set_mode("off"); },
+  Escape: () => { if (!leave_handles() && picture.mode !== "off") set_mode("off"); },
+  ...handle_keys,
 };
 
 const is_text = element => element.matches("input:not([type=range],[type=checkbox],[type=color]),textarea");
@@ -100,7 +105,9 @@ if (start_world()) {
   start_render();
   start_values();
   on("shown", header => take_range(header.values));
+  start_handles();
+  start_compass();
   connect();
   requestAnimationFrame(loop);
 }
-window.marram = {state, on, world, player, picture, edits, options_text};   // for the console and for tests
+window.marram = {state, on, world, player, picture, edits, handles, compass, options_text};   // for the console and for tests

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The path-traced picture of the live view's camera: over the view or beside it, refining, compared with a picture kept as A.
-import {state, on, byId, clamp, make, remembered, remember, notice} from "./state.js";
+import {state, on, emit, byId, clamp, make, remembered, remember, notice} from "./state.js";
 import {send} from "./net.js";
 import {world, camera_message, set_exposure} from "./world.js";
 import {player} from "./player.js";
@@ -60,6 +60,7 @@ export function set_mode(mode) {
     if (world.scene_exposure !== undefined) set_exposure(world.scene_exposure);
     show_exposure();
   } else again();
+  emit("picture", mode);
 }
 export const toggle = () => set_mode(picture.mode === "off" ? "over" : "off");
 export const toggle_beside = () => set_mode(picture.mode === "beside" ? "over" : "beside");

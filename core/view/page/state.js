@@ -8,7 +8,8 @@ export const state = {
 };
 
 // Events: "scene", "strands", "meshes", "frame", "skipped", "image", "render_done", "problems", "progress", "saved" as they come from the
-// server; "open", "closed" of the connection; "camera" at each move; "edit" when a value is sent; "redraw" wants a new drawing.
+// server; "open", "closed" of the connection; "camera" at each move; "edit" when a value is sent; "picture" when one is shown or hidden; "redraw" wants a new
+// drawing.
 const listeners = new Map();
 export function on(type, listener) {
   if (!listeners.has(type)) listeners.set(type, []);

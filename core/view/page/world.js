@@ -15,6 +15,7 @@ const min_lit_vertices = 2000;   // meshes of more are lit at their vertices by 
 
 export const world = {
   strands: null, camera: null, controls: null, renderer: null, exposure: 0, frame: null,
+  draw_overlay: null,        // draws over the strands: (camera, height of the view in pixels of the page)
   dirty: true, home: true,   // home: the camera is the scene's
 };
 let canvas, gl, scene3, meshes = [], sky, density, multisampled = false, drawn_size = [0, 0];
@@ -325,6 +326,7 @@ function draw_all(now, every) {
   world.strands.draw({to_clip: new Float32Array(to_clip.elements), pixels: drawn_size, pixel_scale: drawn_size[1] / (2 * half),
     multisampled, every, value_mode: mode_of_values(), value_range: range, set_shading});
   world.renderer.state.reset();
+  world.draw_overlay?.(camera, byId("live").clientHeight);
 }
 
 // The camera as the server's path tracer wants it, for a picture of the whole view.

@@ -70,6 +70,7 @@
       camera: {position: [-1.2, 1.35, 7.6], target: [0.2, 1.1, 0], up: [0, 1, 0], fov: 36, size: [1280, 720]}, exposure: 0.4,
       light: {sun: {direction: [-0.76, 0.36, -0.54], color: [1.5, 1.25, 0.95]}, sky: [0.32, 0.42, 0.62], ground: [0.12, 0.11, 0.08]},
       layers: ["beauty", "albedo", "normal", "depth"], bounds: {lower: [-8, -0.2, -8], upper: [8, 2.2, 8]}, groups, handles: handles(),
+      values: [{name: "gust", help: "sum of the gusts", discrete: false}, {name: "contact", help: "0 nothing, 1 contact", discrete: true}],
       changes: [...groups.flatMap(group => group.params).filter(param => param.changed).map(param => `${param.key}=${param.value}`), ...[...lists].map(([key, text]) => `${key}=${text}`)],
       undo: undos.length > 0, redo: redos.length > 0, warnings: []};
   }
@@ -127,8 +128,14 @@
       payload = new Uint16Array(3 * n + (3 * n & 1));
       for (let i = 0; i < 3 * n; ++i) payload[i] = Math.round(Math.min(65535, Math.max(0, (floats[i] - chunk.lower[i % 3]) / chunk.step[i % 3])));
     }
-    out.push(packed({type: "frame", seq: request.seq, frame: request.frame, revision, selection: cache.selection, chain_ms: performance.now() - start, other_ms: 1, parts: [{chunks: [chunk]}], meshes: [],
-      gusts: [{center: [(request.frame / 12) % 8 - 4, 1, -1], radius: 0.8, strength: 1}, {center: [3 - (request.frame / 20) % 6, 0.6, 2.4], radius: 0.5, strength: 0.4}]}, [payload]));
+    const more = {}, value = new Uint16Array(n + (n & 1));
+    if (request.values) {
+      for (let i = 0; i < n; ++i) value[i] = request.values === "gust" ? 65535 * (i % stride) / stride : 65535 * (i % 3 === 0);
+      chunk.values = payload.byteLength;
+      more.values = {name: request.values, lower: 0, upper: request.values === "gust" ? 1.5 : 2};
+    }
+    out.push(packed({...more, type: "frame", seq: request.seq, frame: request.frame, revision, selection: cache.selection, chain_ms: performance.now() - start, other_ms: 1, parts: [{chunks: [chunk]}], meshes: [],
+      gusts: [{center: [(request.frame / 12) % 8 - 4, 1, -1], radius: 0.8, strength: 1}, {center: [3 - (request.frame / 20) % 6, 0.6, 2.4], radius: 0.5, strength: 0.4}]}, request.values ? [payload, value] : [payload]));
     return out;
   }
   const as_in_file = state_text();

@@ -241,8 +241,11 @@ def values_and_gusts(address):
     scene = page.until("scene")
     names = [v["name"] for v in scene["values"]]
     check("attributes to colour by", {"envelope", "gust", "shield", "contact"} <= set(names) and "id" not in names, names)
-    page.send(type="set", key="wind.gusts", value="{ num_gusts = 4, radius_range = [0.4, 0.8], period = 24 }")
-    scene = page.until("scene", undo=True)
+    gusts = "{ num_gusts = 12, radius_range = [0.8, 1.5], period = 24 }"
+    for key, value in (("wind.gusts", gusts), ("wind.speed", "10"), ("wind.calm", "0.6"), ("wind.global_rotate", "1")):
+        page.send(type="set", key=key, value=value)
+    while len(page.until("scene", undo=True)["changes"]) < 4:
+        pass
     some = 0
     for seq, (name, frame) in enumerate((("gust", 9), ("contact", 9), ("envelope", 12.5), ("nothing", 1)), 1):
         page.send(type="frame", seq=seq, frame=frame, budget=1000, encoding="u16", values=name)

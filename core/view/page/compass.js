@@ -47,7 +47,7 @@ function show() {
   if (!wind || !parts) return;
   const {up, right} = axes(), flat = [wind.direction[0], wind.direction[2]], size = Math.hypot(...flat);
   const at = size > 0 ? [dot(flat, right) / size, dot(flat, up) / size] : [0, 0];
-  const angle = Math.atan2(at[0], at[1]) * 180 / Math.PI, length = tip * clamp(wind.speed / limit, 0, 1);
+  const angle = Math.atan2(at[0], at[1]) * 180 / Math.PI, length = tip * Math.sqrt(clamp(wind.speed / limit, 0, 1));   // so that a breeze is seen
   const north = [dot([0, -1], right), dot([0, -1], up)];
   parts.north.setAttribute("x", 50 + 46 * north[0]);
   parts.north.setAttribute("y", 50 - 46 * north[1]);
@@ -68,7 +68,7 @@ function point_of(event) {
 function move(event) {
   const point = point_of(event), size = Math.hypot(...point);
   if (event.shiftKey) {
-    wind.speed = Number((limit * clamp(size / tip, 0, 1)).toFixed(limit < 50 ? 1 : 0));
+    wind.speed = Number((limit * clamp(size / tip, 0, 1) ** 2).toFixed(limit < 50 ? 1 : 0));
     set_value("wind.speed", number_text(wind.speed));
   } else if (size > 3) {
     const {up, right} = axes(), flat = Math.hypot(wind.direction[0], wind.direction[2]) || 1;

@@ -168,7 +168,7 @@ export function pick(views, at, camera, width, height) {
   return best;
 }
 
-// Random gusts of a frame: thin spheres, which fade with their strength.
+// Random gusts of a frame: thin spheres, which fade with their strength; many are paler.
 export class Drifting {
   constructor(parent) {
     this.parent = parent;
@@ -182,13 +182,14 @@ export class Drifting {
       this.parent.add(sphere);
       this.spheres.push(sphere);
     }
+    const pale = Math.max(0.3, Math.min(1, 12 / Math.max(1, gusts.length)));
     this.spheres.forEach((sphere, index) => {
       const gust = gusts[index];
       sphere.visible = !!gust && gust.radius > 0 && Math.abs(gust.strength) > 0.01;
       if (!sphere.visible) return;
       sphere.position.set(...gust.center);
       sphere.scale.setScalar(gust.radius);
-      for (const part of sphere.children) part.material.opacity = part.share * Math.min(1, Math.abs(gust.strength));
+      for (const part of sphere.children) part.material.opacity = pale * part.share * Math.min(1, Math.abs(gust.strength));
     });
   }
 }

@@ -294,6 +294,8 @@ export function add_gust() {
   elements.push(sphere_element(target.toArray(), Number((new_share * world.camera.position.distanceTo(target)).toPrecision(3))));
   wanted = `${gust_list}[${elements.length - 1}].transform`;
   set_list(gust_list, elements);
+  const calm = all_params().find(param => param.key === "wind.calm");
+  if (elements.length === 1 && calm && !calm.given) notice("With gusts the wind between them is calm, which is 0: give calm for more.");
 }
 const remove = () => with_selection(view => {
   const {list, index} = view.handle, elements = elements_of(state.scene.groups, list, held_texts());
@@ -397,7 +399,7 @@ export function start_handles() {
   byId("show_gusts").setAttribute("aria-pressed", shown);
   byId("show_gusts").onclick = () => show_gusts(!shown);
   byId("add_gust").onclick = add_gust;
-  on("scene", () => { answered(); sync(); byId("show_bar").hidden = !has_wind() && !views.size; });
+  on("scene", () => { answered(); sync(); byId("show_bar").hidden = !has_wind() && !views.size && !state.scene.values.length; });
   on("problems", message => {
     if (!message.problems.length) return;
     wanted = null;

@@ -9,6 +9,11 @@ import {value_stops, class_colors} from "./shaders.js";
 // The range only grows while one attribute is shown, so that colours keep their meaning from frame to frame.
 export const values = {name: remembered("values", ""), lower: 0, upper: 0, classes: false};
 const css = color => `rgb(${color.map(c => Math.round(255 * c)).join()})`;
+const patch = (background, wide) => {   // the page's policy forbids styles in attributes
+  const element = make("i", wide ? {class: "wide"} : {});
+  element.style.background = background;
+  return element;
+};
 const class_names = {contact: ["free", "met a mesh", "no room"]};
 
 export function show_values(name) {
@@ -34,10 +39,10 @@ function show_legend() {
   const parts = [make("b", {}, values.name)];
   if (known.discrete) {
     for (const [i, color] of class_colors.entries())
-      parts.push(make("i", {style: `background:${css(color)}`}), make("span", {}, (class_names[values.name] || [])[i] ?? String(i)));
+      parts.push(patch(css(color)), make("span", {}, (class_names[values.name] || [])[i] ?? String(i)));
   } else if (values.upper > values.lower) {
     const stops = value_stops.map((color, i) => `${css(color)} ${100 * i / (value_stops.length - 1)}%`);
-    parts.push(make("span", {}, short(values.lower)), make("i", {class: "wide", style: `background:linear-gradient(90deg,${stops.join()})`}),
+    parts.push(make("span", {}, short(values.lower)), patch(`linear-gradient(90deg,${stops.join()})`, true),
       make("span", {}, short(values.upper)));
   } else parts.push(make("span", {}, values.upper ? `everywhere ${short(values.upper)}` : "0 everywhere"));
   legend.replaceChildren(...parts);

@@ -13,6 +13,7 @@ import subprocess
 import sys
 import tempfile
 import threading
+import time
 
 sys.dont_write_bytecode = True
 from browser import Browser, BrowserError, PATIENCE
@@ -307,13 +308,13 @@ def test_camera(view):
 def test_rendering(view):
     view.settle()
     view.view_focus()
-    view.js("(() => { const s = document.querySelector('#samples'); s.value = '16'; })()")
+    view.js("(() => { const s = document.querySelector('#samples'); s.add(new Option('4')); s.value = '4'; })()")
     view.page.key("r")
     check("R shows a picture", view.wait("marram.picture.images > 0 && !document.querySelector('#picture').classList.contains('waiting')"))
     view.wait("marram.picture.width > 240 || marram.picture.done")
     few = view.js("marram.picture.images")
     check("it refines until done", view.wait("marram.picture.done") and view.js("marram.picture.images") >= few)
-    check("with all samples", view.js("marram.picture.samples") == 16)
+    check("with all samples", view.js("marram.picture.samples") == 4)
     colors = """(() => { const c = document.querySelector('#picture_b'), d = c.getContext('2d').getImageData(0, 0, c.width, c.height).data;
       const seen = new Set(); for (let i = 0; i < d.length; i += 4) seen.add(d[i] << 16 | d[i + 1] << 8 | d[i + 2]); return seen.size; })()"""
     check("the picture has many colours", view.js(colors) > 200)
@@ -331,6 +332,33 @@ def test_rendering(view):
     check("Escape goes back to the live view", view.js("document.querySelector('#picture').hidden"))
     view.page.key("c")
     view.settle()
+
+
+def test_gusts(view):
+    view.settle()
+    view.view_focus()
+    view.page.key("g")
+    key, count = "wind.gusts.control[0].transform", "marram.state.scene.handles.length"
+    check("G adds a gust", view.wait(f"{count} === 1 && marram.handles.selected()"))
+    before = view.digest()
+    x, y, width, height = view.js(f"""(() => {{ const box = document.querySelector('#live').getBoundingClientRect(),
+      at = marram.handles.on_screen(marram.handles.views().get({json.dumps(key)}).keys[0].translate);
+      return [at[0] - box.left, at[1] - box.top, box.width, box.height]; }})()""")
+    view.page.drag("#live", (x / width, y / height), (x / width - 0.15, y / height + 0.05), steps=4)
+    check("dragged, it is elsewhere", view.wait(f"marram.state.scene.changes.some(c => c.startsWith({json.dumps(key)}))"))
+    check("and bends other strands", view.digest() != before)
+    view.view_focus()
+    view.page.key("v")
+    check("V colours by the wind", view.wait("marram.player.idle() && marram.player.shown.values && marram.player.shown.values.upper > 0"))
+    view.page.key("v")
+    view.wait("marram.player.idle() && marram.player.shown.values && marram.player.shown.values.name === 'gust'")
+    view.settle()
+    view.picture("gust")
+    view.view_focus()
+    view.page.key("Delete")
+    check("Delete removes it", view.wait(f"{count} === 0"))
+    view.js("document.querySelector('#reset').click(); document.querySelector('#values').value = ''; document.querySelector('#values').dispatchEvent(new Event('change'))")
+    view.wait("marram.state.scene.changes.length === 0")
 
 
 def test_tabs(browser, program, first):
@@ -384,8 +412,10 @@ def main():
         program = Program(program_path, scene)
         with Browser() as browser:
             view = View(browser, program.address)
-            for test in (test_opening, test_playing, test_editing, test_searching, test_ramps, test_problems, test_camera, test_rendering):
+            for test in (test_opening, test_playing, test_editing, test_searching, test_ramps, test_problems, test_camera, test_gusts, test_rendering):
+                begin = time.monotonic()
                 test(view)
+                print(f"  {time.monotonic() - begin:.1f} s", flush=True)
             test_tabs(browser, program, view)
             test_end(view, program)
     except BrowserError as error:

@@ -277,6 +277,24 @@ def test_values(view):
     check("at last the materials", view.js("document.querySelector('#legend').hidden") and view.js(colors)[0] <= plain[0] + 50)
 
 
+def test_flip_book(view):
+    first, last = view.js("marram.state.scene.frames")
+    view.js(f"marram.state.scene.frames = [{first}, {first + 7}]; const s = document.querySelector('#samples'); s.add(new Option('1')); s.value = '1'")
+    view.view_focus()
+    view.page.key("b")
+    check("B makes a flip-book", view.wait("marram.flip_book.done() && marram.flip_book.frames() === 8"))
+    check("of every frame once", view.js("fake_log.filter(m => m.type === 'render').slice(-8).map(m => m.frame).join()") == ",".join(str(first + i) for i in range(8)))
+    asked = view.js("fake_log.filter(m => m.type === 'frame').length")
+    view.js("window.leaves = new Set(); window.watch_leaves = setInterval(() => leaves.add(marram.flip_book.seen()), 5)")
+    check("it is played", view.js("marram.player.playing") and view.wait("leaves.size === 8"))
+    check("without frames of the strands", view.js("fake_log.filter(m => m.type === 'frame').length") <= asked + 1)
+    view.page.key(" ")
+    view.page.drag("#live", (0.4, 0.5), (0.45, 0.5))
+    check("another camera ends it", view.wait("marram.flip_book.frames() === 0"))
+    view.page.key("Escape")
+    view.js(f"clearInterval(watch_leaves); marram.state.scene.frames = [{first}, {last}]; document.querySelector('#samples').value = '64'")
+
+
 def test_connection(view):
     view.settle()
     view.view_focus()
@@ -308,7 +326,7 @@ def main():
     try:
         with Browser() as browser:
             view = FakedView(browser, f"http://127.0.0.1:{server.server_port}/token/")
-            for test in (test_messages, test_requests, test_hidden, test_sliders, test_handles, test_compass, test_values, test_connection):
+            for test in (test_messages, test_requests, test_hidden, test_sliders, test_handles, test_compass, test_values, test_flip_book, test_connection):
                 test(view)
             check("no errors in the console", not view.page.errors, "; ".join(view.page.errors))
     except BrowserError as error:

@@ -7,7 +7,7 @@ import {start_player, player, tick, drawn, play, step, set_time, frames_of, touc
 import {start_panel, options_text} from "./panel.js";
 import {command, edits} from "./edits.js";
 import {start_values, next_value, take_range} from "./values.js";
-import {start_render, toggle, toggle_beside, keep_a, drop_a, set_mode, picture} from "./render.js";
+import {start_render, toggle, toggle_beside, keep_a, drop_a, set_mode, picture, start_book, turn_leaf, flip_book} from "./render.js";
 import {start_handles, handles, handle_keys, leave_handles} from "./handles.js";
 import {start_compass, compass} from "./compass.js";
 
@@ -18,7 +18,7 @@ const help = {
     ["C", "the camera of the scene"]],
   "Colours": [["V", "by an attribute: share of the wind, gusts, shelter, contacts; again: the next, at last the materials"]],
   "Picture": [["R", "path-traced picture over the view"], ["P", "picture beside the view"], ["A", "keep the picture as A, compare with B"], ["Shift A", "drop A"],
-    ["Escape", "back to the live view"]],
+    ["B", "flip-book: all frames as pictures, then played"], ["Escape", "back to the live view"]],
   "Wind": [["W", "show or hide gusts and fields"], ["click", "select one; beside all: none"], ["1 2 3 or T E S", "move, turn, scale it"], ["K", "a key at this frame; then drag at another"],
     ["G", "new gust"], ["X or Delete", "delete"], ["Escape", "unselect, take a drag back"], ["dial", "drag turns the wind; Shift: its speed"]],
   "Parameters": [["/", "search"], ["Ctrl Z", "undo"], ["Ctrl Shift Z", "redo"], ["Ctrl S", "write the changes to the scene file"],
@@ -40,7 +40,7 @@ function first_frame() { play(false); set_time(frames_of()[0]); }
 function last_frame() { play(false); set_time(frames_of()[1]); }
 const keys = {
   " ": () => play(), Home: first_frame, End: last_frame, f: frame_all, c: go_home, r: toggle, p: toggle_beside, h: show_help, "?": show_help,
-  v: next_value, l: () => byId("loop").click(), "/": () => { byId("search").focus(); byId("search").select(); },
+  v: next_value, b: start_book, l: () => byId("loop").click(), "/": () => { byId("search").focus(); byId("search").select(); },
   a: event => event.shiftKey ? drop_a() : keep_a(),
   ArrowLeft: event => { touch(); step(event.shiftKey ? -10 : -1); }, ArrowRight: event => { touch(); step(event.shiftKey ? 10 : 1); },
   Escape: () => { if (!leave_handles() && picture.mode !== "off") set_mode("off"); },
@@ -74,6 +74,7 @@ function loop(now) {
   requestAnimationFrame(loop);
   try {
     tick(now);
+    turn_leaf();
     if (draw_world(now)) drawn(now);
   } catch (error) { console.error(error); }
 }
@@ -110,4 +111,4 @@ if (start_world()) {
   connect();
   requestAnimationFrame(loop);
 }
-window.marram = {state, on, world, player, picture, edits, handles, compass, options_text};   // for the console and for tests
+window.marram = {state, on, world, player, picture, flip_book, edits, handles, compass, options_text};   // for the console and for tests

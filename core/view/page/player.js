@@ -16,6 +16,7 @@ export const player = {
   frames: 0,          // frames shown since the page was opened
   wanted: true,       // something changed: ask even if the time has not
   max_revision: 0,
+  covered: false,     // what is played is not seen: no frames are asked for
 };
 let seq = 0, unanswered = new Map(), last_asked = null, last_tick = 0, chain = null, line = null, next_every = null;
 let newest_shown = 0, dragging = false;
@@ -93,7 +94,7 @@ export function tick(now) {
     show_time();
   }
   for (const [number, request] of unanswered) if (now - request.sent > lost_after) unanswered.delete(number);
-  while (unanswered.size < max_unanswered) {
+  while (unanswered.size < max_unanswered && !player.covered) {
     let time = clamp(player.time, first, last);
     const every = player.playing && player.speed === "every";
     if (every) {

@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-// The path-traced picture of the live view's camera: over the view or beside it, refining, compared with a picture kept as A.
+// The path-traced picture of the live view's camera: over the view or beside it, refining, compared with a picture kept as A; and a
+// flip-book of the scene's frames, which is played with the view's time.
 import {state, on, emit, byId, clamp, make, remembered, remember, notice} from "./state.js";
 import {send} from "./net.js";
 import {world, camera_message, set_exposure} from "./world.js";
-import {player} from "./player.js";
+import {player, play, frames_of} from "./player.js";
 
 const settle_ms = 150;                       // stillness before a picture is begun
 const max_width = 960, first_share = 4, first_samples = 4;
+const max_book = 500e6;                      // bytes of a flip-book's pictures: else it leaves frames out
 
 export const picture = {mode: "off", samples: 0, of: 0, images: 0, done: false};   // mode: off, over, beside
 let seq = 0, stage = 0, timer = 0, has_a = false, at = remembered("divider", 0.5), started = 0;
@@ -15,6 +17,71 @@ const canvas_a = byId("picture_a"), canvas_b = byId("picture_b");
 function size_of(share) {
   const box = byId("live"), ratio = window.devicePixelRatio, width = Math.min(max_width, box.clientWidth * ratio);
   return [Math.max(16, Math.round(width / share)), Math.max(16, Math.round(width / share * box.clientHeight / Math.max(1, box.clientWidth)))];
+}
+
+// ---- flip-book ----
+// {of: what its pictures show, frames: the frames that it takes, next: index of the one that is made, images: frame -> ImageBitmap}
+let book = null, leaf = null;   // leaf: the frame that is seen
+export const flip_book = {frames: () => book ? book.images.size : 0, done: () => !!book && book.next >= book.frames.length, seen: () => leaf};
+const making_book = () => !!book && book.next < book.frames.length;
+const what_is_seen = () => JSON.stringify([state.scene.revision, camera_message(), size_of(1), byId("layer").value, world.exposure, byId("samples").value]);
+
+export function start_book() {
+  if (!state.scene) return;
+  if (picture.mode === "off") set_mode("over");
+  if (making_book()) { drop_book(); again(); return; }
+  drop_book();
+  play(false);
+  const [first, last] = frames_of(), [width, height] = size_of(1), all = last - first + 1;
+  const every = Math.ceil(all * 4 * width * height / max_book), frames = [];
+  for (let frame = first; frame <= last; frame += every) frames.push(frame);
+  book = {of: what_is_seen(), frames, next: 0, images: new Map()};
+  clearTimeout(timer);
+  timer = setTimeout(() => { timer = 0; next_leaf(); }, settle_ms);
+  show_book();
+}
+function drop_book() {
+  if (!book) return;
+  for (const image of book.images.values()) image.close();
+  book = leaf = null;
+  player.covered = false;
+  show_book();
+}
+function show_book() {
+  byId("book").textContent = making_book() ? "stop" : "flip-book";
+  byId("book").setAttribute("aria-pressed", !!book);
+}
+function next_leaf() {
+  if (!making_book() || !state.connected) return;
+  started = 1;
+  send({type: "render", seq: ++seq, frame: book.frames[book.next], camera: camera_message(), size: size_of(1), layer: byId("layer").value || "beauty",
+    exposure: world.exposure, samples: Number(byId("samples").value)});
+}
+async function take_leaf() {
+  const own = book, frame = book.frames[book.next], image = await createImageBitmap(canvas_b);
+  if (own !== book) { image.close(); return; }
+  book.images.set(frame, image);
+  ++book.next;
+  show_book();
+  if (making_book()) { next_leaf(); return; }
+  picture.done = true;
+  status(`flip-book of ${book.images.size} frames`);
+  play(true);
+}
+// The leaf at a time: the last one up to it.
+function leaf_at(time) {
+  for (let i = book.frames.length; --i >= 0;) if (book.frames[i] <= time + 1e-6) return book.frames[i];
+  return book.frames[0];
+}
+// Once for each picture of the screen. A whole book is played by itself: no frame is asked for.
+export function turn_leaf() {
+  player.covered = !!book && !making_book() && picture.mode === "over" && player.playing;
+  if (!book || making_book() || picture.mode === "off") return;
+  const frame = leaf_at(player.time);
+  if (frame === leaf || !(player.playing || Number.isInteger(player.time))) return;
+  leaf = frame;
+  canvas_b.getContext("2d").drawImage(book.images.get(frame), 0, 0);
+  byId("picture").classList.remove("waiting");
 }
 
 function request() {
@@ -31,6 +98,12 @@ function request() {
 // Anything that the picture shows has changed: it goes away, and begins anew when all is still.
 function again() {
   if (picture.mode === "off") return;
+  if (book && book.of === what_is_seen()) {   // only the time has changed
+    clearTimeout(timer);
+    if (making_book()) timer = setTimeout(() => { timer = 0; next_leaf(); }, settle_ms);
+    return;
+  }
+  drop_book();
   if (!timer && started) send({type: "stop"});
   started = 0;
   clearTimeout(timer);
@@ -52,6 +125,7 @@ export function set_mode(mode) {
   byId("view").classList.toggle("split", mode === "beside");
   byId("beside").setAttribute("aria-pressed", mode === "beside");
   if (!shown) {
+    drop_book();
     clearTimeout(timer);
     timer = 0;
     ++seq;
@@ -101,10 +175,12 @@ on("image", (header, payload) => {
   canvas_b.getContext("2d").putImageData(new ImageData(pixels, width, height), 0, 0);
   byId("picture").classList.remove("waiting");
   Object.assign(picture, {width, samples: header.samples, of: header.of, images: picture.images + 1});
-  status(`${header.samples} of ${stage === 0 ? byId("samples").value : header.of} samples, ${header.seconds.toFixed(1)} s`);
+  if (book) status(`frame ${book.frames[book.next]}, ${book.next + 1} of ${book.frames.length}: ${header.samples} of ${header.of} samples`);
+  else status(`${header.samples} of ${stage === 0 ? byId("samples").value : header.of} samples, ${header.seconds.toFixed(1)} s`);
 });
 on("render_done", message => {
   if (message.seq !== seq || picture.mode === "off") return;
+  if (making_book()) { take_leaf(); return; }
   if (stage === 0) { stage = 1; request(); return; }
   picture.done = true;
   status(`${message.samples} samples, ${message.seconds.toFixed(1)} s`);
@@ -126,6 +202,7 @@ export function start_render() {
   byId("exposure").addEventListener("dblclick", () => { set_exposure(world.scene_exposure); show_exposure(); again(); });
   byId("keep_a").onclick = () => has_a ? drop_a() : keep_a();
   byId("beside").onclick = toggle_beside;
+  byId("book").onclick = start_book;
   const divider = byId("divider");
   let dragging = false;
   divider.addEventListener("pointerdown", event => { dragging = true; divider.setPointerCapture(event.pointerId); event.stopPropagation(); });

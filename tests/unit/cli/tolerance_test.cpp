@@ -193,7 +193,7 @@ void expect_within_tolerance(const OpenDial& dial) {
 TEST(Tolerance, ChoosesCvs) {
     OpenDial dial{".cvs", {"cvs=0"}, {}, {"wind.reference_segments=7"}};
     dial.by_chosen = true;
-    dial.strands = whole_run() ? 250.0 : 120.0; // with up to 1000 CVs
+    dial.strands = whole_run() ? 250.0 : 80.0; // with up to 1000 CVs
     dial.first = 1;
     expect_within_tolerance(dial);
 }

@@ -174,10 +174,15 @@ void add_render(CLI::App& app, Commands& c) {
             "picture to watch while a frame renders, .exr or .png: written after the first pass, then "
             "less and less often")
         ->type_name("FILE");
-    command->add_flag(
+    CLI::Option* resume = command->add_flag(
         "--resume", c.render.resume,
         "leave out frames whose picture is there, whole, and of this scene; go on with those that were "
         "interrupted or out of time");
+    command
+        ->add_flag("--watch", c.render.watch,
+                   "render one frame, and again whenever the scene or a file that it names has been saved, "
+                   "until Ctrl-C; mistakes are printed, and the picture stays")
+        ->excludes(resume);
     command->callback([&c, command, frame] {
         const bool one_frame = frame->count() > 0;
         if (command->count("--spp") > 0) c.render.overrides.samples = c.texts.samples;
@@ -411,11 +416,15 @@ int threads_of(const CommonOptions& options) {
     return options.threads > 0 ? options.threads : tbb::this_task_arena::max_concurrency();
 }
 
-Shot open_shot(const CommonOptions& options, bool uses_lights) {
-    Shot shot = load_shot(options.scene, options.overrides, interrupted());
+void print_warnings(const Shot& shot, bool uses_lights) {
     for (const std::string& warning : warnings_of(shot)) print_message("{}\n", warning);
     for (const std::string& warning : light_warnings_of(shot))
         if (uses_lights) print_message("{}\n", warning);
+}
+
+Shot open_shot(const CommonOptions& options, bool uses_lights) {
+    Shot shot = load_shot(options.scene, options.overrides, interrupted());
+    print_warnings(shot, uses_lights);
     return shot;
 }
 

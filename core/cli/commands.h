@@ -27,6 +27,8 @@ struct CommonOptions {
 
 int threads_of(const CommonOptions& options);
 
+void print_warnings(const Shot& shot, bool uses_lights = true); // those of its files and values
+
 // Loads the scene and prints its warnings.
 Shot open_shot(const CommonOptions& options, bool uses_lights = true);
 
@@ -36,6 +38,7 @@ struct RenderOptions : CommonOptions {
     std::vector<std::string> layers;    // besides those of the scene
     std::vector<LayerPicture> pictures; // of --png; their layers are added to the film
     bool resume = false;
+    bool watch = false;   // render anew when a file of the scene is saved, until an interrupt
     std::string preview;  // "" for none
     double seconds = 0.0; // time limit for tracing a frame; 0: none
 };

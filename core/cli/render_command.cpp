@@ -5,6 +5,7 @@
 #include "core/cli/memory.h"
 #include "core/cli/output.h"
 #include "core/cli/progress.h"
+#include "core/cli/scene_watch.h"
 #include "core/image/atomic_file.h"
 #include "core/image/image_library.h"
 #include "core/image/run_files.h"
@@ -117,15 +118,15 @@ ProgressState state_of(const FrameProgress& progress, const std::string& prefix)
     return {prefix + progress.build.phase.load(), progress.build.fraction.load()};
 }
 
-void save(Frame& frame, Preview& preview, bool quiet) {
+void save(Frame& frame, Preview& preview, const RenderOptions& options) {
     const RenderStats& render = frame.stats.render;
     for (const std::string& warning : render_warnings(frame)) print_message("{}\n", warning);
-    if (render.clamped_fraction > 0.0 && !quiet)
+    if (render.clamped_fraction > 0.0 && !options.quiet)
         print_message("{}: film.clamp took {:.2g} % of the light\n", frame.files.picture,
                       100.0 * render.clamped_fraction);
     const SavedFrame saved = save_frame(frame);
     for (const std::string& layer : saved.layers) print_result("{}\n", layer);
-    print_result("{}\n", saved.picture);
+    if (!options.watch || render.cancelled) print_result("{}\n", saved.picture);
     flush_results();
     if (!saved.state_error.empty())
         print_message("{}\n{}: --resume will start this frame again\n", saved.state_error,
@@ -136,26 +137,101 @@ void save(Frame& frame, Preview& preview, bool quiet) {
 }
 
 // Renders one frame to its files. kept: geometry kept from frame to frame. exit_blocker: set from the start
-// of tracing, so that an interrupt does not prevent saving.
-void render_frame(Frame& frame, KeptGeometry& kept, const std::string& prefix, bool quiet,
+// of tracing, so that an interrupt does not prevent saving. What a saved scene has stopped is left.
+void render_frame(Frame& frame, KeptGeometry& kept, const std::string& prefix, const RenderOptions& options,
                   std::optional<ExitBlocker>& exit_blocker) {
     Preview preview(frame.files.preview.empty() ? std::function<void()>() : [&] { save_preview(frame); });
     const auto state = [&] { return state_of(frame.progress, prefix); };
     std::optional<World> world;
     {
-        const ProgressLine line(quiet, state);
+        const ProgressLine line(options.quiet, state);
         world = build_frame(frame, std::exchange(kept, {}));
     }
     const ResumedFrame resumed = resume_frame(frame);
-    if (!resumed.message.empty() && (resumed.refused || !quiet)) print_message("{}\n", resumed.message);
+    if (!resumed.message.empty() && (resumed.refused || !options.quiet))
+        print_message("{}\n", resumed.message);
     exit_blocker.emplace();
     {
-        const ProgressLine line(quiet, state);
+        const ProgressLine line(options.quiet, state);
         trace_frame(frame, *world, preview);
     }
     kept = kept_geometry(*std::move(world)); // free the rest: saving may need the memory
     world.reset();
-    save(frame, preview, quiet);
+    if (frame.stats.render.cancelled && !interrupted()) return;
+    save(frame, preview, options);
+}
+
+// What a run renders, once all that can be checked before has been.
+struct Plan {
+    FrameOptions options;
+    std::vector<FrameFiles> frames;
+};
+
+Plan plan_of(const Shot& shot, const RenderOptions& options) {
+    const std::vector<double> frames =
+        frames_to_make(options.frames, shot.description.globals.vec2("frames"), options.output);
+    if (options.watch && frames.size() > 1)
+        throw InputError({"--watch"}, fmt::format("it renders one frame, and these are {}", frames.size()),
+                         "say which with --frame");
+    check_contents(shot, options, frames.size());
+    Plan plan{{options.scene, more_layers(shot, options), options.seconds, options.resume}, {}};
+    const uint64_t digest = shot_digest(shot, plan.options, options.overrides.settings);
+    for (const double frame : frames)
+        plan.frames.push_back(
+            frame_files(frame, shot, digest, options.output, options.preview, options.pictures));
+    check_outputs(shot, plan.frames, options);
+    return plan;
+}
+
+constexpr const char* waits = "waiting for the scene or a file of it to be saved";
+
+// Reads the scene and renders its frame. False: an interrupt stopped it.
+bool render_watched(SceneWatch& watch, const RenderOptions& options, int threads) {
+    const double begin = wall_seconds();
+    Shot& shot = watch.load();
+    print_warnings(shot);
+    FrameStats stats;
+    stats.load = wall_seconds() - begin;
+    const Plan plan = plan_of(shot, options);
+    const FrameFiles& files = plan.frames.front();
+    stats.frame = files.frame;
+    stats.threads = threads;
+    StatsFile stats_file(options.stats);
+    KeptGeometry kept;
+    std::optional<ExitBlocker> exit_blocker;
+    tbb::task_arena(threads).execute([&] {
+        Frame frame{shot, plan.options, files, layer_names(shot, plan.options.layers), watch.stop(), stats};
+        render_frame(frame, kept, "", options, exit_blocker);
+    });
+    const bool cancelled = stats.render.cancelled;
+    if (cancelled && !interrupted()) return true;
+    stats_file.add(stats);
+    stats_file.finish();
+    if (cancelled) return false;
+    print_result("{}: written, {:.2f} s; {}\n", files.picture, stats.total, waits);
+    flush_results();
+    return true;
+}
+
+// Mistakes that are there from the start end it, as they end a render without --watch.
+int watch_scene(const RenderOptions& options, int threads) {
+    std::optional<ExitBlocker> until_it_ends;
+    SceneWatch watch(options.scene, options.overrides);
+    for (bool begun = false;; release_free_memory()) {
+        try {
+            if (!render_watched(watch, options, threads)) return exit_interrupted;
+        } catch (const InputError& error) {
+            if (!begun) throw;
+            print_problems(error.problems);
+            print_message("{}: {}\n", options.output, waits);
+        } catch (const Cancelled&) {
+            if (interrupted()) throw;
+        }
+        begun = true;
+        until_it_ends.emplace();
+        if (!watch.wait()) return exit_done;
+        until_it_ends.reset();
+    }
 }
 
 } // namespace
@@ -165,40 +241,33 @@ int render_command(const RenderOptions& options) {
     if (!options.preview.empty()) check_picture_name(options.preview);
     const int threads = threads_of(options);
     const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, size_t(threads));
+    if (options.watch) return watch_scene(options, threads);
     const double begin = wall_seconds();
     Shot shot = open_shot(options);
     const double load_seconds = wall_seconds() - begin;
-    const std::vector<double> frames =
-        frames_to_make(options.frames, shot.description.globals.vec2("frames"), options.output);
-    check_contents(shot, options, frames.size());
-    const std::vector<std::string> layers = more_layers(shot, options);
-    const FrameOptions frame_options{options.scene, layers, options.seconds, options.resume};
-    const uint64_t digest = shot_digest(shot, frame_options, options.overrides.settings);
-    std::vector<FrameFiles> all_files;
-    for (const double frame : frames)
-        all_files.push_back(
-            frame_files(frame, shot, digest, options.output, options.preview, options.pictures));
-    check_outputs(shot, all_files, options);
+    const Plan plan = plan_of(shot, options);
 
     tbb::task_arena arena(threads);
     StatsFile stats_file(options.stats);
     KeptGeometry kept;
     bool first = true;
-    for (const FrameFiles& files : all_files) {
+    for (const FrameFiles& files : plan.frames) {
         if (options.resume && is_rendered(files)) {
             if (!options.quiet) print_message("{}: is there already\n", files.picture);
             continue;
         }
-        const auto number = &files - all_files.data() + 1;
-        const std::string prefix = frames.size() > 1 ? fmt::format("{} of {}: ", number, frames.size()) : "";
+        const auto number = &files - plan.frames.data() + 1;
+        const std::string prefix =
+            plan.frames.size() > 1 ? fmt::format("{} of {}: ", number, plan.frames.size()) : "";
         FrameStats stats;
         stats.frame = files.frame;
         stats.threads = threads;
         stats.load = std::exchange(first, false) ? load_seconds : 0.0;
         std::optional<ExitBlocker> exit_blocker;
         arena.execute([&] {
-            Frame frame{shot, frame_options, files, layer_names(shot, layers), interrupted(), stats};
-            render_frame(frame, kept, prefix, options.quiet, exit_blocker);
+            Frame frame{shot,          plan.options, files, layer_names(shot, plan.options.layers),
+                        interrupted(), stats};
+            render_frame(frame, kept, prefix, options, exit_blocker);
         });
         stats_file.add(stats);
         if (stats.render.cancelled) {

@@ -314,10 +314,13 @@ SceneDescription describe_scene(const std::string& file, const std::vector<std::
     }
 }
 
+std::string default_state_folder(const std::string& scene) {
+    return fs::path(scene).replace_extension(".states").string();
+}
+
 Shot load_shot(const std::string& file, const Overrides& overrides, const std::atomic<bool>& cancel) {
     Shot shot;
-    shot.state_folder = overrides.state_folder.empty() ? fs::path(file).replace_extension(".states").string()
-                                                       : overrides.state_folder;
+    shot.state_folder = overrides.state_folder.empty() ? default_state_folder(file) : overrides.state_folder;
     std::vector<std::string> settings;
     apply(overrides, settings);
     shot.plugins = std::make_unique<PluginSet>(default_plugins());

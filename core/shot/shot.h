@@ -54,11 +54,14 @@ struct Overrides {
     std::vector<std::string> settings; // key=value
     std::optional<uint32_t> samples;
     std::optional<std::pair<uint32_t, uint32_t>> size;
-    std::string state_folder;                   // "": beside the scene, SCENE.states
+    std::string state_folder;                   // "": default_state_folder()
     std::vector<std::string> allowed_libraries; // PluginSet::allowed
     // Pictures will be made: skies are computed, and the library for images is loaded, while files are read.
     bool makes_pictures = false;
 };
+
+// Where simulations keep their states unless Overrides::state_folder names a folder: SCENE.states.
+std::string default_state_folder(const std::string& scene);
 
 // Reads the scene and all files that it names: meshes, images, procedural libraries. Throws InputError with
 // all mistakes found.

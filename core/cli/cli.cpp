@@ -67,7 +67,7 @@ CLI::Validator number_between(double low, double high) {
 }
 
 struct Texts { // options that are checked after parsing
-    std::string size, layers, attributes, shell, range;
+    std::string size, layers, attributes, shell, range, display;
     std::vector<std::string> pictures;
     uint32_t samples = 0;
     double frame = 0.0;
@@ -174,6 +174,11 @@ void add_render(CLI::App& app, Commands& c) {
             "picture to watch while a frame renders, .exr or .png: written after the first pass, then "
             "less and less often")
         ->type_name("FILE");
+    command
+        ->add_option("--display", c.texts.display,
+                     "show the picture and its layers while they refine in the viewer tev, which listens at "
+                     "127.0.0.1:14158 by default")
+        ->type_name("HOST:PORT");
     CLI::Option* resume = command->add_flag(
         "--resume", c.render.resume,
         "leave out frames whose picture is there, whole, and of this scene; go on with those that were "
@@ -187,11 +192,13 @@ void add_render(CLI::App& app, Commands& c) {
         const bool one_frame = frame->count() > 0;
         if (command->count("--spp") > 0) c.render.overrides.samples = c.texts.samples;
         c.render.layers = split(c.texts.layers);
-        c.chosen = [&c, one_frame] {
+        const bool displays = command->count("--display") > 0;
+        c.chosen = [&c, one_frame, displays] {
             if (one_frame) c.render.frames.frame = c.texts.frame;
             if (!c.texts.size.empty()) c.render.overrides.size = parse_size(c.texts.size);
             for (const std::string& text : c.texts.pictures)
                 c.render.pictures.push_back(parse_layer_picture(text));
+            if (displays) c.render.display = parse_display(c.texts.display);
             return render_command(c.render);
         };
     });

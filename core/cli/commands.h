@@ -5,6 +5,7 @@
 #pragma once
 
 #include "core/cli/exit_codes.h"
+#include "core/image/display.h"
 #include "core/image/sheet.h"
 #include "core/manual/command_text.h"
 #include "core/shot/bake.h"
@@ -12,6 +13,7 @@
 #include "core/shot/layer_picture.h"
 #include "core/shot/shot.h"
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -38,9 +40,10 @@ struct RenderOptions : CommonOptions {
     std::vector<std::string> layers;    // besides those of the scene
     std::vector<LayerPicture> pictures; // of --png; their layers are added to the film
     bool resume = false;
-    bool watch = false;   // render anew when a file of the scene is saved, until an interrupt
-    std::string preview;  // "" for none
-    double seconds = 0.0; // time limit for tracing a frame; 0: none
+    bool watch = false;  // render anew when a file of the scene is saved, until an interrupt
+    std::string preview; // "" for none
+    std::optional<DisplayAddress> display; // of the viewer that shows the frames in work
+    double seconds = 0.0;                  // time limit for tracing a frame; 0: none
 };
 
 struct BakeOptions : CommonOptions, BakeSettings {

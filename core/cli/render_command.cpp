@@ -11,6 +11,7 @@
 #include "core/image/run_files.h"
 #include "core/math/file_types.h"
 #include "core/math/frame_name.h"
+#include "core/shot/film_display.h"
 #include "core/shot/film_state.h"
 #include "core/shot/frame.h"
 #include "core/shot/picture_file.h"
@@ -136,12 +137,28 @@ void save(Frame& frame, Preview& preview, const RenderOptions& options) {
     if (!preview.fault().empty()) print_message("{}\n", preview.fault());
 }
 
+void print_fault(Display& display) {
+    if (const std::string fault = display.take_fault(); !fault.empty()) print_message("{}\n", fault);
+}
+
+// Waits for what the viewer has not taken yet of the last picture.
+void finish(std::optional<Display>& display) {
+    if (!display) return;
+    display->finish(interrupted());
+    print_fault(*display);
+}
+
 // Renders one frame to its files. kept: geometry kept from frame to frame. exit_blocker: set from the start
 // of tracing, so that an interrupt does not prevent saving. What a saved scene has stopped is left.
 void render_frame(Frame& frame, KeptGeometry& kept, const std::string& prefix, const RenderOptions& options,
-                  std::optional<ExitBlocker>& exit_blocker) {
+                  std::optional<ExitBlocker>& exit_blocker, std::optional<Display>& display) {
     Preview preview(frame.files.preview.empty() ? std::function<void()>() : [&] { save_preview(frame); });
     const auto state = [&] { return state_of(frame.progress, prefix); };
+    std::optional<FilmDisplay> shown;
+    if (display) {
+        shown.emplace(*display, options.output); // all frames in one image
+        frame.between_passes = [&] { shown->between_passes(frame.film); };
+    }
     std::optional<World> world;
     {
         const ProgressLine line(options.quiet, state);
@@ -150,6 +167,7 @@ void render_frame(Frame& frame, KeptGeometry& kept, const std::string& prefix, c
     const ResumedFrame resumed = resume_frame(frame);
     if (!resumed.message.empty() && (resumed.refused || !options.quiet))
         print_message("{}\n", resumed.message);
+    if (display) print_fault(*display);
     exit_blocker.emplace();
     {
         const ProgressLine line(options.quiet, state);
@@ -157,8 +175,11 @@ void render_frame(Frame& frame, KeptGeometry& kept, const std::string& prefix, c
     }
     kept = kept_geometry(*std::move(world)); // free the rest: saving may need the memory
     world.reset();
-    if (frame.stats.render.cancelled && !interrupted()) return;
+    const bool cancelled = frame.stats.render.cancelled;
+    if (cancelled && !interrupted()) return;
+    if (shown && !cancelled) shown->show(frame.film);
     save(frame, preview, options);
+    if (display) print_fault(*display);
 }
 
 // What a run renders, once all that can be checked before has been.
@@ -198,16 +219,19 @@ bool render_watched(SceneWatch& watch, const RenderOptions& options, int threads
     stats.threads = threads;
     StatsFile stats_file(options.stats);
     KeptGeometry kept;
+    std::optional<Display> display;
+    if (options.display) display.emplace(*options.display);
     std::optional<ExitBlocker> exit_blocker;
     tbb::task_arena(threads).execute([&] {
         Frame frame{shot, plan.options, files, layer_names(shot, plan.options.layers), watch.stop(), stats};
-        render_frame(frame, kept, "", options, exit_blocker);
+        render_frame(frame, kept, "", options, exit_blocker, display);
     });
     const bool cancelled = stats.render.cancelled;
     if (cancelled && !interrupted()) return true;
     stats_file.add(stats);
     stats_file.finish();
     if (cancelled) return false;
+    finish(display);
     print_result("{}: written, {:.2f} s; {}\n", files.picture, stats.total, waits);
     flush_results();
     return true;
@@ -250,6 +274,8 @@ int render_command(const RenderOptions& options) {
     tbb::task_arena arena(threads);
     StatsFile stats_file(options.stats);
     KeptGeometry kept;
+    std::optional<Display> display;
+    if (options.display) display.emplace(*options.display);
     bool first = true;
     for (const FrameFiles& files : plan.frames) {
         if (options.resume && is_rendered(files)) {
@@ -267,7 +293,7 @@ int render_command(const RenderOptions& options) {
         arena.execute([&] {
             Frame frame{shot,          plan.options, files, layer_names(shot, plan.options.layers),
                         interrupted(), stats};
-            render_frame(frame, kept, prefix, options, exit_blocker);
+            render_frame(frame, kept, prefix, options, exit_blocker, display);
         });
         stats_file.add(stats);
         if (stats.render.cancelled) {
@@ -277,6 +303,7 @@ int render_command(const RenderOptions& options) {
         release_free_memory();
     }
     stats_file.finish();
+    finish(display);
     return 0;
 }
 

@@ -197,7 +197,10 @@ void trace_frame(Frame& frame, const World& world, Preview& preview) {
     frame.stats.load += begin - before;
     FrameProgress& progress = frame.progress;
     progress.render.cancel = &frame.cancel;
-    progress.render.between_passes = [&](Film&) { preview.between_passes(); };
+    progress.render.between_passes = [&](Film&) {
+        preview.between_passes();
+        if (frame.between_passes) frame.between_passes();
+    };
     progress.render.samples_done = progress_of(frame.film).sum; // set before progress.samples
     progress.samples = uint64_t(width) * height * frame.settings.samples;
     double off = 0.0;

@@ -19,6 +19,7 @@
 #include "core/shot/stats.h"
 
 #include <atomic>
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -83,6 +84,7 @@ struct Frame {
     RenderSettings settings{};
     Film film{};
     FrameProgress progress{};
+    std::function<void()> between_passes{}; // called by trace_frame(), as the preview's; may be empty
 };
 
 // Also sets up the settings and an empty film. kept: geometry kept from the previous frame. Throws InputError

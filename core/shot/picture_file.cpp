@@ -73,6 +73,17 @@ std::string partial_name(const std::string& path) {
     return (p.parent_path() / (p.stem().string() + ".partial" + p.extension().string())).string();
 }
 
+PictureLayers picture_layers(const Film& film) {
+    PictureLayers picture{rgba_of(film), {}};
+    picture.layers = {
+        {"", {"R", "G", "B", "A"}, picture.rgba.data(), fits_half(find_layer(film, "beauty")->values)}};
+    for (const FilmLayer& layer : film.layers)
+        if (layer.kind != LayerKind::beauty && layer.kind != LayerKind::alpha)
+            picture.layers.push_back({layer.name, channel_names(layer), layer.values.data(),
+                                      layer.kind == LayerKind::albedo || layer.kind == LayerKind::normal});
+    return picture;
+}
+
 void save_picture(const std::string& path, const Film& film, double exposure,
                   const std::vector<Metadata>& metadata) {
     const int width = int(film.width), height = int(film.height);
@@ -83,14 +94,7 @@ void save_picture(const std::string& path, const Film& film, double exposure,
             write_png(path, width, height, 3, find_layer(film, "beauty")->values.data(), exposure, metadata);
         return;
     }
-    const std::vector<float> rgba = rgba_of(film);
-    std::vector<Layer> layers = {
-        {"", {"R", "G", "B", "A"}, rgba.data(), fits_half(find_layer(film, "beauty")->values)}};
-    for (const FilmLayer& layer : film.layers)
-        if (layer.kind != LayerKind::beauty && layer.kind != LayerKind::alpha)
-            layers.push_back({layer.name, channel_names(layer), layer.values.data(),
-                              layer.kind == LayerKind::albedo || layer.kind == LayerKind::normal});
-    write_exr(path, width, height, layers, metadata);
+    write_exr(path, width, height, picture_layers(film).layers, metadata);
 }
 
 } // namespace marram

@@ -19,6 +19,14 @@ void check_picture_name(const std::string& path);
 // "a.exr" -> "a.partial.exr", the name of a picture whose render was interrupted.
 std::string partial_name(const std::string& path);
 
+// All layers of a film as an EXR has them, the picture first as R, G, B, A. They point into `rgba` and the
+// film, which must be resolved.
+struct PictureLayers {
+    std::vector<float> rgba;
+    std::vector<Layer> layers;
+};
+PictureLayers picture_layers(const Film& film);
+
 // The film must be resolved. exposure: stops, used for PNG only.
 void save_picture(const std::string& path, const Film& film, double exposure,
                   const std::vector<Metadata>& metadata);

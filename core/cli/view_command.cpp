@@ -29,6 +29,12 @@ void open_in_browser(std::string address) {
     std::thread([child] { ::waitpid(child, nullptr, 0); }).detach();
 }
 
+std::string quoted_for_shell(const std::string& text) {
+    std::string quoted = "'";
+    for (const char c : text) quoted += c == '\'' ? std::string("'\\''") : std::string(1, c);
+    return quoted + "'";
+}
+
 } // namespace
 
 int view_command(const ViewOptions& options) {
@@ -37,7 +43,8 @@ int view_command(const ViewOptions& options) {
     LiveView view({options.scene, options.overrides, options.port, threads});
     print_result("{}\n", view.address());
     flush_results();
-    if (!options.quiet) print_message("The view is open until Ctrl-C. Who knows the address can use it.\n");
+    if (!options.quiet)
+        print_message("The view is open until Ctrl-C. Anyone who knows the address can use it.\n");
     if (options.opens && has_screen()) open_in_browser(view.address());
     const ExitBlocker until_it_ends; // a save is not broken off
     const std::jthread watch([&](const std::stop_token& ended) {
@@ -46,6 +53,11 @@ int view_command(const ViewOptions& options) {
         view.end();
     });
     view.run();
+    std::string unsaved;
+    for (const auto& [key, value] : view.unsaved())
+        unsaved += " --set " + quoted_for_shell(key + "=" + value);
+    if (!unsaved.empty() && !options.quiet)
+        print_message("{}: these changes are not saved:{}\n", options.scene, unsaved);
     return exit_done;
 }
 

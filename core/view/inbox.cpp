@@ -81,10 +81,12 @@ std::optional<ChangeRequest> change_request(const std::string& type, const json&
                                                          {"save", Kind::save}, {"reload", Kind::reload}};
     for (const auto& [name, kind] : kinds) {
         if (type != name) continue;
-        ChangeRequest change{kind, "", {}};
+        ChangeRequest change{.kind = kind, .key = ""};
         if (kind == Kind::set) {
             change.key = message.at("key").get<std::string>();
             if (!message.at("value").is_null()) change.value = message.at("value").get<std::string>();
+            if (message.contains("gesture"))
+                change.gesture = uint64_t(number(message, "gesture", 0.0, 0x1p53));
         }
         return change;
     }

@@ -44,6 +44,7 @@ struct ChangeRequest {
     enum class Kind { set, undo, redo, reset, save, reload } kind = Kind::set;
     std::string key;
     std::optional<std::string> value{}; // of set; none: the file's value
+    uint64_t gesture = 0;               // of set: those of one drag have the same number; 0: none
 };
 
 class Inbox {

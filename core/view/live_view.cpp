@@ -205,7 +205,7 @@ void LiveView::change(const ChangeRequest& change) {
     using Kind = ChangeRequest::Kind;
     switch (change.kind) {
     case Kind::set:
-        return scene_.set(change.key, change.value);
+        return scene_.set(change.key, change.value, change.gesture);
     case Kind::undo:
         return scene_.undo();
     case Kind::redo:

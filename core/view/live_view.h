@@ -39,9 +39,10 @@ class LiveView {
     LiveView(const LiveView&) = delete;
     LiveView& operator=(const LiveView&) = delete;
 
-    std::string address() const; // for a browser; has the token
-    void run();                  // serves until end() is called
-    void end();                  // from any thread
+    std::string address() const;                                      // for a browser; has the token
+    void run();                                                       // serves until end() is called
+    void end();                                                       // from any thread
+    const ChangedValues& unsaved() const { return scene_.changed(); } // after run()
 
   private:
     // What a page has been sent.

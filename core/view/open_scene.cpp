@@ -78,16 +78,18 @@ void OpenScene::apply(const ChangedValues& values) {
     ++revision_;
 }
 
-void OpenScene::take(ChangedValues values) {
+void OpenScene::take(ChangedValues values, uint64_t gesture) {
     if (values == changed()) return;
     apply(values);
     history_.resize(at_ + 1);
+    if (gesture != 0 && gesture == gesture_ && at_ > 0) history_.pop_back();
+    gesture_ = gesture;
     history_.push_back(std::move(values));
     if (history_.size() > max_history) history_.erase(history_.begin());
     at_ = history_.size() - 1;
 }
 
-void OpenScene::set(const std::string& key, const std::optional<std::string>& value) {
+void OpenScene::set(const std::string& key, const std::optional<std::string>& value, uint64_t gesture) {
     if (key.empty() || key.find('=') != std::string::npos)
         throw InputError({"--set " + key}, "this is no key", "see `marram info --keys`");
     ChangedValues values = changed();
@@ -99,19 +101,21 @@ void OpenScene::set(const std::string& key, const std::optional<std::string>& va
         values[key] = *value;
     else
         values.erase(key);
-    take(std::move(values));
+    take(std::move(values), gesture);
 }
 
 void OpenScene::undo() {
     if (!can_undo()) return;
     apply(history_[at_ - 1]);
     --at_;
+    gesture_ = 0;
 }
 
 void OpenScene::redo() {
     if (!can_redo()) return;
     apply(history_[at_ + 1]);
     ++at_;
+    gesture_ = 0;
 }
 
 void OpenScene::reset() { take({}); }
@@ -119,6 +123,8 @@ void OpenScene::reset() { take({}); }
 void OpenScene::save() {
     const std::vector<std::string> settings = settings_of(changed());
     if (settings.empty()) return;
+    if (shot_)
+        describe_scene(file_, this->settings(), *shot_->plugins); // else mistakes would hide what is saved
     const std::string text = edited_scene(text_of_file(file_), file_, settings);
     AtomicFile file(file_);
     file.write(text);
@@ -128,7 +134,7 @@ void OpenScene::save() {
         std::erase_if(overrides_.settings,
                       [&](const std::string& given) { return given.starts_with(key + "="); });
     history_ = {{}};
-    at_ = 0;
+    at_ = gesture_ = 0;
     apply({});
 }
 

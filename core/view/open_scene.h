@@ -21,12 +21,13 @@ class OpenScene {
     OpenScene(std::string file, Overrides overrides, const std::atomic<bool>& stop);
 
     // Each throws InputError with the mistakes, or Cancelled; the last good state then stays.
-    void load();                                                               // reads all files again
-    void set(const std::string& key, const std::optional<std::string>& value); // none: the file's value
+    void load(); // reads all files again
+    // value: none: the file's. gesture: what follows with the same number is the same step of undo; 0: its own.
+    void set(const std::string& key, const std::optional<std::string>& value, uint64_t gesture = 0);
     void undo();
     void redo();
     void reset(); // all values back to the file's
-    void save();  // writes the changed values into the scene file
+    void save();  // writes the changed values into the scene file, which must be without mistakes
 
     // Whether a file of the scene has been written since it was read, and not since the last call: writing it
     // is over. Asked for at intervals. Tells each change once.
@@ -44,7 +45,7 @@ class OpenScene {
   private:
     using Stamps = std::map<std::string, std::pair<std::filesystem::file_time_type, uintmax_t>>; // time, size
 
-    void take(ChangedValues values); // as the newest of the history
+    void take(ChangedValues values, uint64_t gesture = 0); // as the newest of the history
     void apply(const ChangedValues& values);
     void load_with(const Overrides& overrides);
     void read_stamps();
@@ -55,7 +56,8 @@ class OpenScene {
     const std::atomic<bool>& stop_;
     std::unique_ptr<Shot> shot_;
     std::vector<ChangedValues> history_{{}};
-    size_t at_ = 0; // the present entry of history_
+    size_t at_ = 0;        // the present entry of history_
+    uint64_t gesture_ = 0; // that made it
     uint64_t revision_ = 0, loads_ = 0;
     Stamps stamps_, seen_; // of the files as they were read; at the last look
 };

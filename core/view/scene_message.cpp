@@ -28,6 +28,15 @@ std::vector<std::string> choices_of(const ParamSpec& spec) {
     return choices;
 }
 
+// The key of the change that a value is part of: its own or that of a list or table that it is in; "": none.
+std::string change_of(const std::string& key, const ChangedValues& changed) {
+    for (const auto& [other, value] : changed)
+        if (key.starts_with(other) &&
+            (key.size() == other.size() || key[other.size()] == '.' || key[other.size()] == '['))
+            return other;
+    return "";
+}
+
 // value: nullptr if it is not given and has no default.
 json parameter(const std::string& key, const std::string& label, const ParamSpec& spec,
                const ParamValue* value, const std::string& scene, const ChangedValues& changed) {
@@ -42,7 +51,8 @@ json parameter(const std::string& key, const std::string& label, const ParamSpec
             {"value", value ? value_text(*value, scene) : ""},
             {"initial", spec.initial},
             {"given", value && value->given},
-            {"changed", changed.contains(key)},
+            {"changed", !change_of(key, changed).empty()},
+            {"changed_by", change_of(key, changed)},
             {"keyable", spec.keyable},
             {"keyed", value && value->keys.has_value()}};
 }

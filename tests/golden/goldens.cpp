@@ -202,6 +202,7 @@ std::span<const Golden> goldens() {
                {"film.size=[60, 45]", "procedural.tussock.count=60", "procedural.tussock.width=0.025"}),
         figure("gust_field", 24, {"procedural.near.density=30", "procedural.far.density=7"}),
         figure("whirl", 25, {"procedural.grass.density=60", "procedural.grass.width=0.035"}),
+        figure("downwash", 25, {"procedural.grass.density=35", "procedural.grass.width=0.05"}),
         figure("storm", 97, {"procedural.grass.density=90", "procedural.grass.width=0.028"}),
         figure("wheat", 24, {"procedural.wheat.density=12", "procedural.wheat.width=0.05"}),
     };

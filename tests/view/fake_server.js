@@ -156,7 +156,7 @@
       const request = JSON.parse(text);
       log.push(request);
       if (request.type === "frame") setTimeout(() => frame(request).forEach(data => this.give(data)), 2);
-      if (request.type === "set") this.set(request.key, request.value);
+      if (request.type === "set") this.set(request.key, request.value, request.gesture);
       if (request.type === "reset") { restore(as_in_file); this.changed(); }
       if (request.type === "undo" && undos.length) { redos.push(state_text()); restore(undos.pop()); this.changed(); }
       if (request.type === "redo" && redos.length) { undos.push(state_text()); restore(redos.pop()); this.changed(); }
@@ -164,11 +164,15 @@
       if (request.type === "render") this.render(request);
       if (request.type === "stop") clearInterval(this.timer);
     }
-    set(key, value) {
+    remember(gesture) {   // one step of undo a gesture
+      redos.length = 0;
+      if (!gesture || gesture !== this.gesture) undos.push(state_text());
+      this.gesture = gesture;
+    }
+    set(key, value, gesture) {
       const param = find(key);
       if (!param) {
-        redos.length = 0;
-        undos.push(state_text());
+        this.remember(gesture);
         if (key === "curves.ridge.points") ridge = plain(value).flat();
         else set_list(key, value);
         this.changed();
@@ -178,8 +182,7 @@
         this.give(JSON.stringify({type: "problems", problems: [{place: "lawn.toml:3:5", what: `${key} is ${value}`, fix: `write a number from ${param.min} to ${param.max}`}]}));
         return;
       }
-      redos.length = 0;
-      undos.push(state_text());
+      this.remember(gesture);
       this.apply(param, value ?? param.file_value);
       this.changed();
     }

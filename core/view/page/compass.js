@@ -8,6 +8,7 @@ import {parse_value, number_text, list_text} from "./toml.js";
 import {picture} from "./render.js";
 
 const THREE = window.THREE;
+const snap = 3 * Math.PI / 180;   // to steps of 15 degrees
 const ring = 42, tip = 33, least_limit = 10;   // of a view box of 100; m/s
 const ns = "http://www.w3.org/2000/svg";
 let wind = null;     // {direction, speed} of the scene; null: nothing to show
@@ -72,8 +73,10 @@ function move(event) {
     set_value("wind.speed", number_text(wind.speed));
   } else if (size > 3) {
     const {up, right} = axes(), flat = Math.hypot(wind.direction[0], wind.direction[2]) || 1;
-    const along = k => Number((flat * (point[0] * right[k] + point[1] * up[k]) / size).toFixed(4));
-    wind.direction = [along(0), wind.direction[1], along(1)];
+    const turn = Math.atan2(point[0] * right[1] + point[1] * up[1], point[0] * right[0] + point[1] * up[0]);
+    const step = Math.PI / 12, round = Math.round(turn / step) * step, angle = Math.abs(turn - round) < snap && !event.altKey ? round : turn;
+    const tidy = value => Number(value.toFixed(3)) || 0;
+    wind.direction = [tidy(flat * Math.cos(angle)), wind.direction[1], tidy(flat * Math.sin(angle))];
     set_value("wind.direction", list_text(wind.direction));
   }
   show();
@@ -90,7 +93,7 @@ export function start_compass() {
   parts.north.textContent = "N";
   parts.arrow = shape("g", {class: "arrow"}, shape("path", {class: "mark", d: "M50 9.5l3.5 6h-7z"}), parts.shaft, parts.head);
   const title = shape("title", {});
-  title.textContent = "Wind from above: drag turns it, Shift drag sets its speed";
+  title.textContent = "The wind from above: it blows towards the arrow. Drag turns it, Alt: without steps; Shift drag sets its speed";
   element.append(title, shape("circle", {cx: 50, cy: 50, r: ring}), parts.ticks, parts.arrow, shape("circle", {class: "hub", cx: 50, cy: 50, r: 2}),
     parts.north, parts.speed);
   for (const type of ["pointerdown", "mousedown", "touchstart", "wheel"]) element.addEventListener(type, event => event.stopPropagation());

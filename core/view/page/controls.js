@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The control of a parameter by its type. Each is {element, update(param), tall}; change(text or null) sends a value.
-import {make, clamp} from "./state.js";
+import {make, clamp, leave} from "./state.js";
 import {parse_value, number_text, list_text, string_text, hex_of, color_of} from "./toml.js";
 import {ramp_control} from "./ramp.js";
 
@@ -27,7 +27,7 @@ export function number_field(get_step, change, whole = false) {
   input.addEventListener("change", commit);
   input.addEventListener("blur", commit);
   input.addEventListener("keydown", event => {
-    if (event.key === "Enter") { commit(); input.select(); }
+    if (event.key === "Enter") { commit(); if (!input.classList.contains("bad")) leave(input); }
     if (event.key === "Escape") { input.value = shown; input.classList.remove("bad"); input.blur(); }
     const sign = {ArrowUp: 1, ArrowDown: -1}[event.key];
     if (!sign) return;
@@ -187,7 +187,7 @@ function text_control(param, change, quoted) {
   };
   input.addEventListener("change", commit);
   input.addEventListener("keydown", event => {
-    if (event.key === "Enter") commit();
+    if (event.key === "Enter") { commit(); leave(input); }
     if (event.key === "Escape") { input.value = shown; input.blur(); }
   });
   return {elements: [input], update(next) {

@@ -4,23 +4,29 @@ import {state, on, emit} from "./state.js";
 import {send} from "./net.js";
 import {ask_again, last_seq, touch} from "./player.js";
 
-const waiting = new Map();
+// Values that one drag or one key press sends are one step of undo: all have its number, which no other page uses.
+const page_number = Math.floor(Math.random() * 2 ** 26) * 2 ** 26;
+let gesture = 1;
+export const new_gesture = () => { gesture = gesture % (2 ** 26 - 1) + 1; };
+for (const type of ["pointerdown", "keydown"]) document.addEventListener(type, event => { if (!event.repeat) new_gesture(); }, true);
+
+const waiting = new Map();   // key -> {value, gesture}
 let in_flight = null, timer = 0;
 export const edits = {last_key: null};
 
 export function set_value(key, value) {
   edits.last_key = key;
   waiting.delete(key);
-  waiting.set(key, value);
+  waiting.set(key, {value, gesture: page_number + gesture});
   touch();
   flush();
 }
 
 function flush() {
   if (in_flight || !waiting.size || !state.connected) return;
-  const [key, value] = waiting.entries().next().value;
+  const [key, edit] = waiting.entries().next().value;
   waiting.delete(key);
-  if (!send({type: "set", key, value})) return;
+  if (!send({type: "set", key, ...edit})) return;
   in_flight = {after: last_seq(), scene: false};
   ask_again();
   emit("edit", key);
@@ -38,7 +44,7 @@ on("closed", () => { in_flight = null; waiting.clear(); clearTimeout(timer); });
 
 // What still waits belongs before the command; a reset takes it back.
 export function command(type) {
-  if (type !== "reset") for (const [key, value] of waiting) send({type: "set", key, value});
+  if (type !== "reset") for (const [key, edit] of waiting) send({type: "set", key, ...edit});
   waiting.clear();
   if (send({type})) { touch(); emit("edit", null); }
 }

@@ -2,7 +2,7 @@
 // Gusts, fields and curves as shapes in the view that can be selected, moved, turned, scaled, keyed, added and deleted.
 import {state, on, byId, make, notice, remembered, remember} from "./state.js";
 import {world} from "./world.js";
-import {player, play, set_time} from "./player.js";
+import {player, play, set_time, show_marks} from "./player.js";
 import {set_value} from "./edits.js";
 import {picture} from "./render.js";
 import {parse_value, number_text} from "./toml.js";
@@ -88,6 +88,7 @@ function paint() {
   for (const view of views.values())
     view.paint(selected && selected.view === view ? "selected" : hovered && hovered.view === view ? "hovered" : "");
   show_line();
+  show_marks(selected && selected.view.keys && animated(selected.view) ? selected.view.keys.map(key => key.frame) : []);
   redraw();
 }
 

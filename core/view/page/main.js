@@ -40,7 +40,7 @@ function first_frame() { play(false); set_time(frames_of()[0]); }
 function last_frame() { play(false); set_time(frames_of()[1]); }
 const keys = {
   " ": () => play(), Home: first_frame, End: last_frame, f: frame_all, c: go_home, r: toggle, p: toggle_beside, h: show_help, "?": show_help,
-  v: next_value, b: start_book, l: () => byId("loop").click(), "/": () => { byId("search").focus(); byId("search").select(); },
+  v: event => next_value(event.shiftKey ? -1 : 1), b: start_book, l: () => byId("loop").click(), "/": () => { byId("search").focus(); byId("search").select(); },
   a: event => event.shiftKey ? drop_a() : keep_a(),
   ArrowLeft: event => { touch(); step(event.shiftKey ? -10 : -1); }, ArrowRight: event => { touch(); step(event.shiftKey ? 10 : 1); },
   Escape: () => { if (!leave_handles() && picture.mode !== "off") set_mode("off"); },

@@ -52,7 +52,7 @@ function fill(group) {
 
 function row_of(group, param, name) {
   const row = {param, control: null};
-  const dot = make("button", {class: "dot", tabindex: -1, onclick: () => set_value(param.key, null)});
+  const dot = make("button", {class: "dot", tabindex: -1, onclick: () => set_value(row.param.changed_by || param.key, null)});
   const unit = param.unit ? [make("span", {class: "unit"}, param.unit)] : [];
   const label = make("span", {class: "label", title: name + (param.unit ? ` in ${param.unit}` : "")}, name, ...unit);
   row.element = make("div", {class: "row", "data-key": param.key, onpointerenter: () => hint(row.param), onfocusin: () => hint(row.param)}, dot, label);
@@ -174,8 +174,10 @@ function show_problems(problems, mild = false) {
   element.replaceChildren(...problems.map(problem => make("p", {},
     ...(problem.place ? [`${problem.place}: `] : []), make(mild ? "span" : "b", {}, problem.what), ...(problem.fix ? [": ", make("span", {class: "fix"}, problem.fix)] : []))));
   for (const row of document.querySelectorAll(".row.wrong")) row.classList.remove("wrong");
-  if (problems.length && !mild && edits.last_key)
-    document.querySelector(`.row[data-key="${CSS.escape(edits.last_key)}"]`)?.classList.add("wrong");
+  if (!problems.length || mild || !edits.last_key) return;
+  // A mistake in the file is no fault of the value that was changed last, which is not taken, either.
+  if (!problems.some(problem => problem.place.startsWith("--set") || problem.what.includes(edits.last_key))) { if (state.scene) update(state.scene); return; }
+  document.querySelector(`.row[data-key="${CSS.escape(edits.last_key)}"]`)?.classList.add("wrong");
 }
 
 export function start_panel() {

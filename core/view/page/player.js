@@ -16,6 +16,7 @@ export const player = {
   frames: 0,          // frames shown since the page was opened
   wanted: true,       // something changed: ask even if the time has not
   max_revision: 0,
+  marks: [],          // frames of keys that the time bar shows
   covered: false,     // what is played is not seen: no frames are asked for
 };
 let seq = 0, unanswered = new Map(), last_asked = null, last_tick = 0, chain = null, line = null, next_every = null;
@@ -147,7 +148,7 @@ export function drawn(now) { budget.drawn(now, player.frames); }
 export function show_status() {
   if (!state.scene || !player.shown) return;
   const parts = [`${grouped(world.strands.shown)} of ${grouped(world.strands.total)} strands`];
-  if (player.playing) parts.push(`${budget.rate_now()} frames/s`);
+  if (player.playing && !player.covered) parts.push(`${budget.rate_now()} frames/s`);
   if (chain !== null) parts.push(`chain ${ms(chain)}`);
   if (line !== null) parts.push(`line ${ms(line)}`);
   byId("status").textContent = byId("status").title = state.connected ? parts.join(", ") : "not connected";
@@ -156,12 +157,17 @@ const ms = value => value < 9.95 ? `${Number(value.toFixed(1))} ms` : value < 20
 
 // ---- the scrub bar ----
 let scrub_drawn = "";
+export function show_marks(frames) {
+  const [first, last] = frames_of();
+  player.marks = frames.filter(frame => frame >= first && frame <= last);
+  show_time();
+}
 function show_time(force = false) {   // also the field
   const field = byId("frame"), [first, last] = frames_of(), time = clamp(player.time ?? first, first, last);
   const text = player.playing ? String(Math.round(time)) : String(Number(time.toFixed(3)));
   if (document.activeElement !== field || player.playing) field.value = text;
   const scrub = byId("scrub"), ratio = window.devicePixelRatio, width = scrub.clientWidth, height = scrub.clientHeight;
-  const key = [width, height, ratio, first, last, time.toFixed(2)].join();
+  const key = [width, height, ratio, first, last, time.toFixed(2), player.marks].join();
   if (key === scrub_drawn && !force) return;
   scrub_drawn = key;
   scrub.width = width * ratio;
@@ -185,6 +191,13 @@ function show_time(force = false) {   // also the field
       context.fillStyle = "#9aa3ad";
       context.fillText(frame, x(frame), height - 0.95 * rem);
     }
+  }
+  for (const frame of player.marks) {   // a diamond
+    const size = 0.32 * rem, y = height - 0.35 * rem;
+    context.fillStyle = "#ffd75e";
+    context.beginPath();
+    for (const [a, b] of [[0, -1], [1, 0], [0, 1], [-1, 0]]) context.lineTo(x(frame) + a * size, y + b * size);
+    context.fill();
   }
   context.fillStyle = "#a5a8f0";
   context.fillRect(x(time) - 1, 0, 2, height);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The editor of a ramp: drag knots, double click adds or removes one, Delete removes the picked one, arrows move it.
-import {make, clamp} from "./state.js";
+import {make, clamp, leave} from "./state.js";
 import {number_text, parse_ramp, ramp_text} from "./toml.js";
 
 const ns = "http://www.w3.org/2000/svg";
@@ -147,7 +147,7 @@ export function ramp_control(param, change) {
   };
   text.addEventListener("change", commit);
   text.addEventListener("keydown", event => {
-    if (event.key === "Enter") commit();
+    if (event.key === "Enter") { commit(); leave(text); }
     if (event.key === "Escape") { text.value = shown; text.blur(); }
   });
   new ResizeObserver(draw).observe(svg);

@@ -162,6 +162,16 @@ function compare() {
   byId("keep_a").textContent = has_a ? "drop A" : "keep as A";
 }
 
+function save_picture() {
+  if (!picture.images) return;
+  canvas_b.toBlob(blob => {
+    const name = state.scene.file.split(/[\\/]/).pop().replace(/\.[^.]*$/, ""), link = make("a", {download: `${name}.${Math.round(player.time)}.png`});
+    link.href = URL.createObjectURL(blob);
+    link.click();
+    setTimeout(() => URL.revokeObjectURL(link.href), 10000);
+  });
+}
+
 function show_exposure() {
   byId("exposure").value = world.exposure;
   byId("exposure_value").textContent = `${world.exposure < 0 ? "−" : "+"}${Math.abs(world.exposure).toFixed(2)} stops`;
@@ -203,6 +213,8 @@ export function start_render() {
   byId("keep_a").onclick = () => has_a ? drop_a() : keep_a();
   byId("beside").onclick = toggle_beside;
   byId("book").onclick = start_book;
+  byId("render").onclick = toggle;
+  byId("save_picture").onclick = save_picture;
   const divider = byId("divider");
   let dragging = false;
   divider.addEventListener("pointerdown", event => { dragging = true; divider.setPointerCapture(event.pointerId); event.stopPropagation(); });

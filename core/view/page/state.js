@@ -33,6 +33,12 @@ export function make(tag, attributes = {}, ...children) {
   return element;
 }
 
+// The keyboard is the view's again, so that space plays.
+export function leave(input) {
+  input.blur();
+  byId("live").focus({preventScroll: true});
+}
+
 export const grouped = number => Math.round(number).toLocaleString("en-US");
 
 // Settings of the page that survive its reload.

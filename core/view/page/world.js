@@ -108,6 +108,7 @@ function make_controls() {
 
 function moved() {
   world.dirty = true;
+  name_outline();
   remember("camera", {home: world.home, position: world.camera.position.toArray(), target: world.controls.target.toArray(),
     up: world.camera.up.toArray(), fov: world.fov, file: state.scene && state.scene.file});
   emit("camera");
@@ -161,7 +162,11 @@ function update_fov() {
   style.height = frame_height + "px";
   style.left = (width - frame_height * shape) / 2 + "px";
   style.top = (height - frame_height) / 2 + "px";
-  outline.firstElementChild.textContent = world.home ? `camera of the scene, ${size[0]} × ${size[1]}` : "";
+  name_outline();
+}
+function name_outline() {
+  const size = state.scene ? state.scene.camera.size : [16, 9];
+  byId("outline").firstElementChild.textContent = world.home ? `camera of the scene, ${size[0]} × ${size[1]}` : "";
 }
 
 function resize() {

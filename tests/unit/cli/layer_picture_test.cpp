@@ -153,8 +153,8 @@ TEST(LayerPictures, AreRefusedBeforeAnythingIsWritten) {
         EXPECT_CONTAINS(refused.err, message);
         EXPECT_TRUE(folder.contents() == before);
     };
-    refuse({"--png", "depht:0-1=" + folder / "d.png"},
-           "--png depht: this scene has no image layer 'depht': choose among albedo, alpha, beauty, depth");
+    refuse({"--png", "depht:0-1=" + folder / "d.png"}, "--png depht: this scene has no image layer 'depht': "
+                                                       "choose among albedo, alpha, beauty, contact, depth");
     refuse({"--png", "depth=" + folder / "d.png"},
            "--png depth: this layer has no range of its own: say which values");
     refuse({"--png", "depth:0-1=" + folder / "d.exr"}, "--png writes no other format: name it .png");

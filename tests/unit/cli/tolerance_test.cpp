@@ -129,8 +129,17 @@ std::vector<std::string> for_grooms(const std::vector<std::string>& changes, con
     std::vector<std::string> out;
     for (const std::string& change : changes)
         for (const Item& procedural : scene.description.procedurals)
-            if (procedural.type == "groom") out.push_back("procedural." + procedural.name + "." + change);
+            if (procedural.type == "groom")
+                out.push_back("procedural." + procedural.name_in_file() + "." + change);
     return out;
+}
+
+// "procedural.fur.cvs" of the reported "fur.large.cvs", if one table makes several grooms.
+std::string key_of(const std::string& reported, const Shot& scene) {
+    for (const Item& procedural : scene.description.procedurals)
+        if (reported.starts_with(procedural.name + "."))
+            return "procedural." + procedural.name_in_file() + reported.substr(procedural.name.size());
+    return "procedural." + reported;
 }
 
 void expect_within_tolerance(const OpenDial& dial) {
@@ -160,8 +169,8 @@ void expect_within_tolerance(const OpenDial& dial) {
             std::vector<std::string> all = few;
             for (const auto& [name, value] : chosen)
                 if (name.ends_with(dial.name))
-                    all.push_back(
-                        fmt::format("procedural.{}={}", name, std::min(8.0 * (value - 1.0) + 1.0, 1000.0)));
+                    all.push_back(fmt::format("{}={}", key_of(name, whole),
+                                              std::min(8.0 * (value - 1.0) + 1.0, 1000.0)));
             finest = loaded(file, all);
         };
         const Vec2d frames = whole.description.globals.vec2("frames");

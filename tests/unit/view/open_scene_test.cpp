@@ -182,6 +182,43 @@ TEST_F(OpenSceneTest, UndoesAndRedoes) {
     EXPECT_TRUE(scene.changed().empty());
 }
 
+TEST_F(OpenSceneTest, ADragIsOneStepOfUndo) {
+    OpenScene scene(file, {}, stop);
+    scene.load();
+    scene.set("wind.calm", "0.5");
+    for (const char* speed : {"7", "8", "9"}) scene.set("wind.speed", speed, 11);
+    for (const char* speed : {"8", "7"}) scene.set("wind.speed", speed, 12);
+    scene.set("wind.speed", "1");
+    scene.set("wind.speed", "2");
+    const auto speed_after_undo = [&] {
+        scene.undo();
+        return scene.shot()->description.wind.number("speed");
+    };
+    EXPECT_EQ(speed_after_undo(), 1.0);
+    EXPECT_EQ(speed_after_undo(), 7.0);
+    EXPECT_EQ(speed_after_undo(), 9.0);
+    EXPECT_EQ(speed_after_undo(), 6.0);
+    EXPECT_EQ(scene.changed(), (ChangedValues{{"wind.calm", "0.5"}}));
+    scene.set("wind.speed", "3", 11); // the same number, but not the same drag any more
+    scene.undo();
+    EXPECT_EQ(scene.changed(), (ChangedValues{{"wind.calm", "0.5"}}));
+}
+
+TEST_F(OpenSceneTest, DoesNotSaveIntoAFileWithMistakes) {
+    OpenScene scene(file, {}, stop);
+    scene.load();
+    scene.set("wind.speed", "9");
+    std::string text = scene_text;
+    text.replace(text.find("speed = 6"), 9, "clam = 0.");
+    write(text);
+    EXPECT_THROW(scene.save(), InputError);
+    EXPECT_EQ(read(file), text);
+    EXPECT_EQ(scene.changed().size(), 1U);
+    write(scene_text);
+    scene.save();
+    EXPECT_NE(read(file).find("speed = 9"), std::string::npos);
+}
+
 TEST_F(OpenSceneTest, SavesChangedValuesAndNothingElse) {
     OpenScene scene(file, {}, stop);
     scene.load();

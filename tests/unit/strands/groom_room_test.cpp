@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Grooms among other meshes and in winds that do nothing: what is left out, and what the user is told.
 #include "core/geometry/mesh_sides.h"
+#include "procedural/wind/strands.h"
 #include "tests/unit/world/build_scene.h"
 
 #include <gtest/gtest.h>
@@ -129,8 +130,8 @@ TEST(CoveredRoots, StayIfTheMeshHasInstances) {
                       "'ground' have the same strands: "));
     EXPECT_FALSE(warns(scene, "are left out"));
     for (const char* more : {"clear_of = \"none\"\n", ""}) {
-        TestScene quiet(
-            lawn_with_house(*more ? stands_on_it : stands_on_it + "collides = false\n", more, collide, copies));
+        TestScene quiet(lawn_with_house(*more ? stands_on_it : stands_on_it + "collides = false\n", more,
+                                        collide, copies));
         EXPECT_EQ(strands_of(quiet, false), 2 * all);
         EXPECT_FALSE(warns(quiet, "strands stay")) << more;
     }
@@ -145,6 +146,37 @@ TEST(Collision, NamesMeshesAndPlacesWithoutRoom) {
     EXPECT_TRUE(warns(scene, "have no free direction: ")) << scene.stats.warnings.at(0);
     EXPECT_TRUE(warns(scene, " at 'house', root at (")) << scene.stats.warnings.at(0);
     EXPECT_TRUE(warns(scene, "move that mesh away from the roots")) << scene.stats.warnings.at(0);
+}
+
+// The attribute "contact" against the counts of collision.
+TEST(Collision, TellsWhichSegmentsMeetAMesh) {
+    const auto segments = [](TestScene& scene, Contact what) {
+        scene.settings.attributes = {"contact"};
+        const World world = scene.build();
+        const CurveGeometry& curves = world.curves.at(0);
+        const std::vector<float>& values = curves.attributes.at(0).values;
+        double count = 0.0;
+        for (size_t i = 0; i < values.size(); ++i) // a root has the value of its first segment
+            count += i % curves.cvs_per_curve != 0 && values[i] == float(what);
+        return count;
+    };
+    const auto ball = [](const std::string& wind) {
+        return "\n[wind]\nspeed = 10\nglobal_rotate = 1\nramp_rotate = [[0, 1], [1, 1]]\n" + wind +
+               mesh("ball", "sphere", "radius = 0.5\n") + groom("fur", "ball", "count = 600\ncvs = 6\n");
+    };
+    TestScene blown(ball("collision = { solver = \"exact\" }\n")), through(ball(""));
+    const double met = segments(blown, Contact::contact);
+    const double contacts = blown.stats.report("collision.contacts"),
+                 pushed = blown.stats.report("collision.pushed_out");
+    EXPECT_GT(contacts, 0.0);
+    EXPECT_GE(met, std::max(contacts, pushed));
+    EXPECT_LE(met, contacts + pushed);
+    EXPECT_EQ(segments(blown, Contact::unresolved), 0.0);
+    EXPECT_EQ(segments(through, Contact::contact), 0.0);
+    TestScene stuck(lawn_with_house("transform = { translate = [0, 0.51, 0] }\n", "clear_of = \"none\"\n",
+                                    "collision = { solver = \"exact\", offset_root = 0.01 }\n"));
+    EXPECT_GT(segments(stuck, Contact::unresolved), 0.0);
+    EXPECT_GT(stuck.stats.report("collision.unresolved"), 0.0);
 }
 
 TEST(IdleWind, IsToldOnce) {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The editor of a ramp: drag knots, double click adds or removes one, Delete removes the picked one, arrows move it.
-import {make, clamp, leave} from "./state.js";
+import {state, make, clamp, leave} from "./state.js";
 import {number_text, parse_ramp, ramp_text} from "./toml.js";
 
 const ns = "http://www.w3.org/2000/svg";
@@ -9,6 +9,12 @@ const shape = (tag, attributes) => {
   for (const [name, value] of Object.entries(attributes)) element.setAttribute(name, value);
   return element;
 };
+// Where a ramp is read now, if it is known: the response at the speed of the wind.
+function present_of(key) {
+  const speed = key === "wind.response" && state.scene.groups.flatMap(group => group.params).find(param => param.key === "wind.speed");
+  const value = speed && !speed.keyed ? Number(speed.value) : NaN;
+  return Number.isFinite(value) ? value : null;
+}
 const knot_radius = 5, pick_radius = 11, samples = 96;
 
 function value_at(ramp, x) {
@@ -28,6 +34,7 @@ function value_at(ramp, x) {
 // param: of the scene; change(text): called at each edit.
 export function ramp_control(param, change) {
   let ramp = null, picked = -1, dragging = false, frame = null, low_y = -Infinity, high_y = Infinity, shown = "";
+  let present = null;
   const writing = () => document.activeElement === text && text.value !== shown;
   const svg = shape("svg", {tabindex: 0, role: "application", "aria-label": "Ramp: arrows move the picked knot, Page Up and Down pick, Delete removes"});
   const text = make("input", {spellcheck: "false", "aria-label": "The ramp as text"});
@@ -68,6 +75,10 @@ export function ramp_control(param, change) {
     const label = (x, y, anchor, words) => { const t = shape("text", {class: "scale", x, y, "text-anchor": anchor}); t.textContent = words; svg.append(t); };
     label(3, 12, "start", number_text(frame.y[1], 3));
     label(b.w - 3, b.h - 3, "end", number_text(frame.x[1], 3));
+    if (present !== null) {   // beyond the ramp: at its end
+      const [x] = to_screen([clamp(present, ...frame.x), 0], b);
+      svg.append(shape("line", {class: "now", x1: x, x2: x, y1: pad, y2: b.h - pad}));
+    }
     ramp.knots.forEach((knot, index) => {
       const [cx, cy] = to_screen(knot, b);
       svg.append(shape("circle", {cx, cy, r: knot_radius, class: index === picked ? "picked" : ""}));
@@ -156,8 +167,9 @@ export function ramp_control(param, change) {
     if (dragging) return;
     low_y = now.min ?? -Infinity;
     high_y = now.max ?? Infinity;
-    const read = parse_ramp(now.value);
-    if (read && ramp && ramp_text(read) === ramp_text(ramp)) return;
+    const read = parse_ramp(now.value), was = present;
+    present = present_of(now.key);
+    if (present === was && read && ramp && ramp_text(read) === ramp_text(ramp)) return;
     ramp = read;
     picked = ramp ? Math.min(picked, ramp.knots.length - 1) : -1;
     svg.toggleAttribute("hidden", !ramp);

@@ -309,6 +309,8 @@ void add_view(CLI::App& app, Commands& c) {
         "view", "open a scene in the browser: play its strands, change its values, render");
     c.view.overrides.makes_pictures = true;
     add_scene(*command, c.view);
+    command->get_option("--state")->description(
+        "folder where simulations keep their states; default: they stay in memory");
     command->add_option("--port", c.view.port, "port of this machine to serve at; 0: any that is free")
         ->type_name("PORT")
         ->check(CLI::Range(0, 65535))

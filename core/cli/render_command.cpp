@@ -177,8 +177,8 @@ void render_frame(Frame& frame, KeptGeometry& kept, const std::string& prefix, c
     world.reset();
     const bool cancelled = frame.stats.render.cancelled;
     if (cancelled && !interrupted()) return;
+    save(frame, preview, options); // first: it needs less memory
     if (shown && !cancelled) shown->show(frame.film);
-    save(frame, preview, options);
     if (display) print_fault(*display);
 }
 

@@ -244,12 +244,10 @@ void Display::Connection::run() {
     for (;;) {
         changed.wait(lock, [&] { return ended || !fault.empty() || !is_idle(); });
         if (ended || !fault.empty()) return;
-        std::vector<char> bytes = std::exchange(create, {});
-        bytes.insert(bytes.end(), update.begin(), update.end());
-        update = {};
+        const std::vector<char> first = std::exchange(create, {}), then = std::exchange(update, {});
         sends = true;
         lock.unlock();
-        const bool good = send_all(made.number(), bytes);
+        const bool good = send_all(made.number(), first) && send_all(made.number(), then);
         lock.lock();
         sends = false;
         changed.notify_all();
@@ -321,6 +319,8 @@ void Display::finish(const std::atomic<bool>& cancel) {
         to.changed.wait_for(lock, between_looks_at_end);
     }
 }
+
+void Display::give_up(const std::string& why) { connection_->fail(why); }
 
 std::string Display::take_fault() {
     const std::lock_guard lock(connection_->guard);

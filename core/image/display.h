@@ -60,6 +60,8 @@ class Display {
     // Returns when all is sent, `cancel` is set, or the viewer has taken nothing for 2 s, which is a fault.
     void finish(const std::atomic<bool>& cancel);
 
+    void give_up(const std::string& why); // nothing is shown any more
+
     // Why nothing is shown any more, one line; "": no fault, or taken before.
     std::string take_fault();
 

@@ -5,6 +5,7 @@
 #include "core/shot/picture_file.h"
 
 #include <algorithm>
+#include <new>
 
 namespace marram {
 namespace {
@@ -24,7 +25,11 @@ void FilmDisplay::between_passes(Film& film) {
 }
 
 void FilmDisplay::show(const Film& film) {
-    display_.show(name_, int(film.width), int(film.height), picture_layers(film).layers);
+    try {
+        display_.show(name_, int(film.width), int(film.height), picture_layers(film).layers);
+    } catch (const std::bad_alloc&) {
+        display_.give_up("the picture does not fit into memory once more");
+    }
 }
 
 } // namespace marram

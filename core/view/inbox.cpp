@@ -69,6 +69,7 @@ PictureRequest picture_request(const json& message) {
     request.layer = message.value("layer", "beauty");
     request.exposure = number(message, "exposure", -50.0, 50.0);
     request.samples = uint32_t(number(message, "samples", 1.0, 65536.0));
+    if (message.contains("budget")) request.budget = uint32_t(number(message, "budget", 0.0, max_budget));
     const Vec3d back = request.position - request.target; // look_at() needs two directions
     if (!(back.cross(request.up).norm() > 1e-9 * back.norm() * request.up.norm())) throw Malformed{};
     return request;

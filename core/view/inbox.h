@@ -37,6 +37,7 @@ struct PictureRequest {
     std::string layer = "beauty";
     double exposure = 0.0; // stops
     uint32_t samples = 64;
+    uint32_t budget = 0; // of a draft: about so many strands, wider in turn; 0: all
 };
 
 // What a page wants changed, for all pages.

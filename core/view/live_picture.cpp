@@ -18,6 +18,8 @@
 namespace marram {
 namespace {
 
+constexpr double draft_widening = 0.6; // less than by as much as is left out: leaves are no grass
+
 // The page's camera with the lens of the scene's.
 Camera camera_of(const PictureRequest& request, const Shot& shot) {
     Camera camera = camera_at(shot.description, request.frame);
@@ -78,8 +80,8 @@ class Levels {
 
 } // namespace
 
-LivePicture::LivePicture(ViewClient client, const PictureRequest& request)
-    : client_(client), request_(request), begin_(wall_seconds()) {}
+LivePicture::LivePicture(ViewClient client, const PictureRequest& request, double share)
+    : client_(client), request_(request), share_(share), begin_(wall_seconds()) {}
 
 void LivePicture::build(Shot& shot, KeptGeometry kept, const std::atomic<bool>& stop,
                         BuildProgress& progress) {
@@ -89,6 +91,8 @@ void LivePicture::build(Shot& shot, KeptGeometry kept, const std::atomic<bool>& 
     settings_ = render_settings(shot, request_.frame);
     settings_.samples = request_.samples;
     BuildSettings settings = settings_for(request_, shot, camera_);
+    settings.share = share_;
+    settings.widening = draft_widening;
     std::vector<std::string> layers = {"beauty"};
     for (const std::string& layer :
          {request_.layer, std::string(settings_.noise_threshold > 0.0 ? "variance" : "")})

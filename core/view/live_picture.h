@@ -16,7 +16,8 @@ namespace marram {
 
 class LivePicture {
   public:
-    LivePicture(ViewClient client, const PictureRequest& request);
+    // share: of the strands, 0: all (BuildSettings::share)
+    LivePicture(ViewClient client, const PictureRequest& request, double share);
 
     ViewClient client() const { return client_; }
     const PictureRequest& request() const { return request_; }
@@ -37,7 +38,7 @@ class LivePicture {
 
     ViewClient client_;
     PictureRequest request_;
-    double begin_;
+    double share_, begin_;
     std::optional<World> world_;
     std::optional<Film> film_;
     Camera camera_;

@@ -336,7 +336,7 @@ void LiveView::work_on_picture(ViewClient client, const PictureRequest& request)
     if (!scene_.shot()) return inbox_.end_picture(client, request.seq);
     if (!picture_ || picture_->client() != client || picture_->request().seq != request.seq) {
         free_picture();
-        picture_.emplace(client, request);
+        picture_.emplace(client, request, request.budget > 0 ? share_for(request.budget, all_strands_) : 0.0);
     }
     bool done = false, stopped = false;
     const bool good = attempt(frame_problems_, [&] {

@@ -24,6 +24,13 @@ std::string text_of_file(const std::string& path) {
     return text;
 }
 
+// Whether a key, or "key=value", is that of a value or of something in it.
+bool is_within(const std::string& given, const std::string& key) {
+    if (!given.starts_with(key)) return false;
+    const char next = given.size() > key.size() ? given[key.size()] : '=';
+    return next == '=' || next == '.' || next == '[';
+}
+
 std::vector<std::string> settings_of(const ChangedValues& values) {
     std::vector<std::string> settings;
     for (const auto& [key, value] : values) settings.push_back(key + "=" + value);
@@ -57,8 +64,14 @@ void OpenScene::load() {
     try {
         load_with(overrides);
     } catch (const InputError& error) {
-        for (const Problem& problem : error.problems)
+        for (const Problem& problem : error.problems) { // these may be corrected, or come
             if (!problem.missing_file.empty()) stamps_.try_emplace(problem.missing_file);
+            if (!problem.place.file.empty() && !problem.place.file.starts_with("--"))
+                stamps_.try_emplace(problem.place.file);
+        }
+        const Stamps now = stamps_now();
+        for (auto& [name, stamp] : stamps_)
+            if (stamp == Stamps::mapped_type{}) stamp = now.at(name);
         throw;
     }
     ++revision_;
@@ -84,7 +97,7 @@ void OpenScene::take(ChangedValues values, uint64_t gesture) {
     history_.resize(at_ + 1);
     if (gesture != 0 && gesture == gesture_ && at_ > 0) history_.pop_back();
     gesture_ = gesture;
-    history_.push_back(std::move(values));
+    if (history_.back() != values) history_.push_back(std::move(values));
     if (history_.size() > max_history) history_.erase(history_.begin());
     at_ = history_.size() - 1;
 }
@@ -94,9 +107,8 @@ void OpenScene::set(const std::string& key, const std::optional<std::string>& va
         throw InputError({"--set " + key}, "this is no key", "see `marram info --keys`");
     ChangedValues values = changed();
     // What was changed within a list or table does not survive it.
-    std::erase_if(values, [&](const auto& other) {
-        return other.first.starts_with(key + "[") || other.first.starts_with(key + ".");
-    });
+    std::erase_if(values,
+                  [&](const auto& other) { return is_within(other.first, key) && other.first != key; });
     if (value)
         values[key] = *value;
     else
@@ -131,8 +143,7 @@ void OpenScene::save() {
     file.commit();
     stamps_[file_] = stamps_now()[file_];
     for (const auto& [key, value] : changed()) // the file has them now
-        std::erase_if(overrides_.settings,
-                      [&](const std::string& given) { return given.starts_with(key + "="); });
+        std::erase_if(overrides_.settings, [&](const std::string& given) { return is_within(given, key); });
     history_ = {{}};
     at_ = gesture_ = 0;
     apply({});

@@ -14,6 +14,7 @@
 #include <tbb/parallel_reduce.h>
 
 #include <bit>
+#include <cmath>
 #include <limits>
 
 namespace marram {
@@ -105,6 +106,8 @@ void allocate(Build& build, CurveBuild& item) {
     curves.shape = output.shape;
     curves.curve_count = count;
     curves.all_curves = std::max<uint64_t>(output.all_curves, count);
+    if (count > 0 && build.settings.widening > 0.0)
+        item.widened = float(std::pow(double(curves.all_curves) / double(count), build.settings.widening));
     curves.cvs_per_curve = output.offsets ? 0 : output.cvs_per_curve;
     if (output.offsets) {
         curves.offsets.assign(output.offsets, output.offsets + count + 1);
@@ -175,6 +178,8 @@ void tessellate_patch(CurveBuild& item, uint32_t index) {
     item.procedural->tessellate(
         index, {sizeof(MarramPatchBuffers), vertices, item.normals.empty() ? nullptr : normals,
                 uint32_t(item.attributes.size()), item.attributes.data(), attributes.data()});
+    for (uint32_t t = 0; item.widened > 1.0F && t < item.output.time_count; ++t)
+        for (size_t v = 0; v < vertex_count; ++v) vertices[t][4 * v + 3] *= item.widened;
     for (uint32_t t = 0; t < item.output.time_count; ++t)
         if (!finite(vertices[t], vertex_count * 4))
             item.procedural->refuse("a CV is not a finite number",

@@ -23,6 +23,7 @@ struct CurveBuild {
     CurveGeometry curves;
     std::shared_ptr<RTCGeometryTy> geometry;
     std::vector<float*> vertices, normals; // [time]
+    float widened = 1.0F;                  // factor of the radii (BuildSettings::widening)
 };
 
 // State of a build: its inputs, and what has been built so far.

@@ -8,7 +8,10 @@ import {ask_again, last_seq, touch} from "./player.js";
 const page_number = Math.floor(Math.random() * 2 ** 26) * 2 ** 26;
 let gesture = 1;
 export const new_gesture = () => { gesture = gesture % (2 ** 26 - 1) + 1; };
-for (const type of ["pointerdown", "keydown"]) document.addEventListener(type, event => { if (!event.repeat) new_gesture(); }, true);
+// Escape takes a drag back, which is part of it; the others only change what it does.
+const not_of_their_own = new Set(["Escape", "Shift", "Alt", "Control", "Meta"]);
+for (const type of ["pointerdown", "keydown"])
+  document.addEventListener(type, event => { if (!event.repeat && !not_of_their_own.has(event.key)) new_gesture(); }, true);
 
 const waiting = new Map();   // key -> {value, gesture}
 let in_flight = null, timer = 0;

@@ -109,6 +109,7 @@ function pump(now = performance.now(), last = false) {
   set_value(key, text);
 }
 function answered(all = false) {
+  sent_list = null;
   sender.open = all ? 0 : Math.max(0, sender.open - 1);
   const held = [...views.values()].filter(view => view.held), done = held.filter(is_in_scene);
   if (done.length && !sender.next) sender.open = 0;   // values that waited together were answered by one scene
@@ -184,6 +185,7 @@ function on_down(event) {
 }
 function begin_drag(event, pointer) {
   const {view, point} = selected;
+  if (sent_list && view.handle.list === sent_list.list) return;   // its number may change
   if (!view.points && animated(view)) {   // the key of a whole frame is changed
     play(false);
     set_time(present());
@@ -281,7 +283,11 @@ const remove_key = () => with_selection(view => {
 });
 const has_key = view => animated(view) && view.keys.some(key => key.frame === present());
 
+// A list that was sent, until it is answered: what is added meanwhile is added to it.
+let sent_list = null;
+const elements_now = list => sent_list && sent_list.list === list ? sent_list.elements : elements_of(state.scene.groups, list, held_texts());
 function set_list(list, elements) {
+  sent_list = {list, elements};
   for (const key of marks.keys()) if (key.startsWith(list + "[")) marks.delete(key);
   for (const view of views.values()) if (view.handle.list === list) view.held = false;
   sender.next = null;
@@ -291,7 +297,7 @@ export function add_gust() {
   if (!has_wind()) { notice("The scene has no wind."); return; }
   if (drag) return;
   show_gusts(true);
-  const elements = elements_of(state.scene.groups, gust_list, held_texts()), {target} = world.controls;
+  const elements = [...elements_now(gust_list)], {target} = world.controls;
   elements.push(sphere_element(target.toArray(), Number((new_share * world.camera.position.distanceTo(target)).toPrecision(3))));
   wanted = `${gust_list}[${elements.length - 1}].transform`;
   set_list(gust_list, elements);
@@ -299,7 +305,9 @@ export function add_gust() {
   if (elements.length === 1 && calm && !calm.given) notice("With gusts the wind between them is calm, which is 0: give calm for more.");
 }
 const remove = () => with_selection(view => {
-  const {list, index} = view.handle, elements = elements_of(state.scene.groups, list, held_texts());
+  const {list, index} = view.handle;
+  if (sent_list) return;
+  const elements = [...elements_now(list)];
   if (!(index < elements.length)) return;
   elements.splice(index, 1);
   select(null);

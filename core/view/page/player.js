@@ -84,9 +84,10 @@ export function tick(now) {
   last_tick = now;
   if (!state.scene || document.hidden || !state.connected) return;
   const [first, last] = frames_of();
-  if (player.playing && player.speed !== "every") {
+  if (player.covered) next_every = null;
+  if (player.playing && (player.speed !== "every" || player.covered)) {
     const count = last - first + 1;
-    let time = player.time + passed / 1000 * (state.scene.fps || 24) * Number(player.speed);
+    let time = player.time + passed / 1000 * (state.scene.fps || 24) * (Number(player.speed) || 1);
     if (time > last + 1 || (!player.loop && time > last)) {
       if (!player.loop) { player.time = last; play(false); return; }
       time = first + (time - first) % count;

@@ -8,6 +8,7 @@ import {player, play, frames_of} from "./player.js";
 
 const settle_ms = 150;                       // stillness before a picture is begun
 const max_width = 960, first_share = 4, first_samples = 4;
+const draft_strands = 40000;                 // of the first picture, which comes at once
 const max_book = 500e6;                      // bytes of a flip-book's pictures: else it leaves frames out
 
 export const picture = {mode: "off", samples: 0, of: 0, images: 0, done: false};   // mode: off, over, beside
@@ -47,6 +48,10 @@ function drop_book() {
   player.covered = false;
   show_book();
 }
+function end_book(why) {
+  drop_book();
+  status(why);
+}
 function show_book() {
   byId("book").textContent = making_book() ? "stop" : "flip-book";
   byId("book").setAttribute("aria-pressed", !!book);
@@ -58,7 +63,9 @@ function next_leaf() {
     exposure: world.exposure, samples: Number(byId("samples").value)});
 }
 async function take_leaf() {
-  const own = book, frame = book.frames[book.next], image = await createImageBitmap(canvas_b);
+  const own = book, frame = book.frames[book.next];
+  let image;
+  try { image = await createImageBitmap(canvas_b); } catch { end_book("the flip-book does not fit into memory"); return; }
   if (own !== book) { image.close(); return; }
   book.images.set(frame, image);
   ++book.next;
@@ -78,7 +85,7 @@ export function turn_leaf() {
   player.covered = !!book && !making_book() && picture.mode === "over" && player.playing;
   if (!book || making_book() || picture.mode === "off") return;
   const frame = leaf_at(player.time);
-  if (frame === leaf || !(player.playing || Number.isInteger(player.time))) return;
+  if (frame === leaf) return;
   leaf = frame;
   canvas_b.getContext("2d").drawImage(book.images.get(frame), 0, 0);
   byId("picture").classList.remove("waiting");
@@ -89,7 +96,8 @@ function request() {
   if (picture.mode === "off" || player.playing || !state.scene || !state.connected || document.hidden) return;
   const first = stage === 0, wanted = Number(byId("samples").value);
   const sent = send({type: "render", seq: ++seq, frame: Number(player.time.toFixed(4)), camera: camera_message(), size: size_of(first ? first_share : 1),
-    layer: byId("layer").value || "beauty", exposure: world.exposure, samples: first ? Math.min(first_samples, wanted) : wanted});
+    layer: byId("layer").value || "beauty", exposure: world.exposure, samples: first ? Math.min(first_samples, wanted) : wanted,
+    budget: first ? draft_strands : 0});
   if (!sent) return;
   picture.done = false;
   status(first ? "starting" : null);
@@ -186,8 +194,9 @@ on("image", (header, payload) => {
   byId("picture").classList.remove("waiting");
   Object.assign(picture, {width, samples: header.samples, of: header.of, images: picture.images + 1});
   if (book) status(`frame ${book.frames[book.next]}, ${book.next + 1} of ${book.frames.length}: ${header.samples} of ${header.of} samples`);
-  else status(`${header.samples} of ${stage === 0 ? byId("samples").value : header.of} samples, ${header.seconds.toFixed(1)} s`);
+  else status(stage === 0 ? `draft, ${header.seconds.toFixed(1)} s` : `${header.samples} of ${header.of} samples, ${header.seconds.toFixed(1)} s`);
 });
+on("problems", message => { if (making_book() && message.problems.length) end_book("the flip-book was stopped by a mistake"); });
 on("render_done", message => {
   if (message.seq !== seq || picture.mode === "off") return;
   if (making_book()) { take_leaf(); return; }

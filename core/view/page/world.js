@@ -266,7 +266,10 @@ function set_mesh_values(header, payload) {
     const mesh = meshes[index];
     if (!mesh) continue;
     const count = mesh.geometry.attributes.position.count, steps = view_of(payload, Uint16Array, offset, count);
-    mesh.geometry.setAttribute("value", new THREE.BufferAttribute(Float32Array.from(steps, step => step / 65535), 1));
+    if (!mesh.geometry.attributes.value) mesh.geometry.setAttribute("value", new THREE.BufferAttribute(new Float32Array(count), 1));
+    const attribute = mesh.geometry.attributes.value;
+    steps.forEach((step, vertex) => { attribute.array[vertex] = step / 65535; });
+    attribute.needsUpdate = true;
     mesh.material.uniforms.value_mode.value = mode_of_values();
   }
 }

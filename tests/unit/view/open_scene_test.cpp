@@ -302,6 +302,39 @@ TEST_F(OpenSceneTest, WatchesFilesThatValuesName) {
     EXPECT_TRUE(files_changed(scene));
 }
 
+// --set of something in a list that is replaced as a whole, and saved.
+TEST_F(OpenSceneTest, SavesAListThatAnOptionHadChanged) {
+    std::string text = scene_text;
+    text.replace(text.find("jiggle ="), 0, "gusts = { control = [{ strength = 2 }] }\n");
+    write(text);
+    Overrides overrides;
+    overrides.settings = {"wind.gusts.control[0].strength=0.5"};
+    OpenScene scene(file, overrides, stop);
+    scene.load();
+    scene.set("wind.gusts.control", "[]");
+    EXPECT_TRUE(handles_of(*scene.shot()).empty());
+    scene.save();
+    EXPECT_TRUE(scene.changed().empty());
+    scene.set("wind.speed", "7");
+    EXPECT_EQ(scene.shot()->description.wind.number("speed"), 7.0);
+}
+
+TEST_F(OpenSceneTest, TakesUpACorrectedFileOfABrokenScene) {
+    const auto obj = [&](const char* faces) {
+        std::ofstream(folder / "a.obj") << "v 0 0 0\nv 1 0 0\nv 0 1 0\n" << faces;
+    };
+    std::string text = scene_text;
+    text.replace(text.find("type = \"sphere\"\nradius = 0.5"), 28, "type = \"file\"\nfile = \"a.obj\"");
+    write(text);
+    obj("f 1 2 9\n");
+    OpenScene scene(file, {}, stop);
+    EXPECT_THROW(scene.load(), InputError);
+    EXPECT_FALSE(files_changed(scene));
+    obj("f 1 2 3\n\n");
+    EXPECT_TRUE(files_changed(scene));
+    scene.load();
+}
+
 TEST_F(OpenSceneTest, HandlesAreWhereTheValuesSay) {
     std::string text = scene_text;
     text.replace(
@@ -397,12 +430,23 @@ TEST_F(OpenSceneTest, RandomGustsAreWhereTheStrandsFeelThem) {
 }
 
 TEST_F(OpenSceneTest, WarnsOnceOfEachThing) {
+    const auto picture = [&](const char* name, const char* values) { // two equal pixels of floats
+        std::ofstream out(folder / name);
+        out << "PF\n2 1\n-1.0\n" << std::string(values, 12) << std::string(values, 12);
+    };
+    picture("good.pfm", "\0\0\x80\x3f\0\0\x80\x3f\0\0\x80\x3f");
+    picture("below.pfm", "\0\0\x80\xbf\0\0\x80\x3f\0\0\x80\x3f"); // -1, 1, 1
+    write(std::string(scene_text) +
+          "\n[[light]]\nname = \"sky\"\ntype = \"environment\"\nfile = \"below.pfm\"\n");
     OpenScene scene(file, {}, stop);
     scene.load();
-    EXPECT_EQ(light_warnings_of(*scene.shot()).size(), 1U); // there is no light
+    EXPECT_EQ(light_warnings_of(*scene.shot()).size(), 1U); // it has pixels below 0
+    scene.set("light.sky.strength", "0.5");
     for (const char* speed : {"1", "2", "3"}) scene.set("wind.speed", speed);
     EXPECT_EQ(light_warnings_of(*scene.shot()).size(), 1U);
     EXPECT_EQ(warnings_of(*scene.shot()).size(), 0U);
+    scene.set("light.sky.file", "\"good.pfm\"");
+    EXPECT_EQ(light_warnings_of(*scene.shot()).size(), 0U);
 }
 
 // Each strand's id and vertices at a frame.

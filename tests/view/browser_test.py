@@ -341,6 +341,8 @@ def test_gusts(view):
       at = marram.handles.on_screen(marram.handles.views().get({json.dumps(key)}).keys[0].translate);
       return [at[0] - box.left, at[1] - box.top, box.width, box.height]; }})()""")
     view.page.drag("#live", (x / width, y / height), (x / width - 0.15, y / height + 0.05), steps=4)
+    check("its values are in sight", view.js(f"""(() => {{ const row = document.querySelector('.row[data-key={json.dumps(key)}]')?.getBoundingClientRect();
+      return !!row && row.top > 0 && row.bottom < innerHeight; }})()"""))
     check("dragged, it is elsewhere", view.wait(f"marram.state.scene.changes.some(c => c.startsWith({json.dumps(key)}))"))
     check("and bends other strands", view.digest() != before)
     view.view_focus()

@@ -5,6 +5,7 @@ import {world} from "./world.js";
 import {player, play, set_time, show_marks} from "./player.js";
 import {set_value} from "./edits.js";
 import {picture} from "./render.js";
+import {reveal} from "./panel.js";
 import {parse_value, number_text} from "./toml.js";
 import {keys_of, pose_at, with_key, without_key, nearest_turn, transform_text, triples, points_text, elements_of, list_of_tables_text,
   sphere_element} from "./handle_values.js";
@@ -71,7 +72,7 @@ function sync() {
     view.form = form;
     take(view, handle);
   }
-  if (wanted && views.has(wanted)) { select(views.get(wanted)); wanted = null; }
+  if (wanted && views.has(wanted)) { select(views.get(wanted)); reveal(wanted); wanted = null; }
   if (selected && views.get(selected.view.handle.key) !== selected.view) select(null);
   if (selected && selected.point >= (selected.view.points || []).length / 3) select(null);
   if (hovered && views.get(hovered.view.handle.key) !== hovered.view) hovered = null;
@@ -245,6 +246,7 @@ function on_up(event) {
   if (!click) return;
   const found = under(pointer_of(event));
   select(found && found.view, found ? found.point : -1);
+  if (found) reveal(found.view.handle.key);
 }
 function end_drag(back) {
   const {view, keys, points, sent, id} = drag;

@@ -147,6 +147,15 @@ function update(scene) {
   if (hovered) hint(groups.flatMap(group => group.params).find(param => param.key === hovered));
 }
 
+// Opens the group of a parameter and brings its row into sight.
+export function reveal(key) {
+  const group = groups.find(one => one.params.some(param => param.key === key));
+  if (!group) return;
+  group.details.open = true;
+  fill(group);
+  group.rows_element.querySelector(`.row[data-key="${CSS.escape(key)}"]`)?.scrollIntoView({block: "center"});
+}
+
 export function options_text() {
   const changes = state.scene ? state.scene.changes : [];
   return changes.map(change => `--set '${change.replaceAll("'", "'\\''")}'`).join(" ");

@@ -221,6 +221,8 @@ export function start_render() {
   byId("exposure").addEventListener("dblclick", () => { set_exposure(world.scene_exposure); show_exposure(); again(); });
   byId("keep_a").onclick = () => has_a ? drop_a() : keep_a();
   byId("beside").onclick = toggle_beside;
+  const bar = byId("render_bar");   // other bars are below it, however many lines it has
+  new ResizeObserver(() => document.documentElement.style.setProperty("--bar-end", bar.offsetTop + bar.offsetHeight + "px")).observe(bar);
   byId("book").onclick = start_book;
   byId("render").onclick = toggle;
   byId("save_picture").onclick = save_picture;

@@ -6,6 +6,9 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
+#include <functional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -58,10 +61,11 @@ json handles_of(const Shot& shot) {
 
 json gusts_message(const Shot& shot) {
     std::vector<Procedural::Gust> gusts;
-    for (const auto& procedural : shot.geometry.procedurals) {
-        gusts = procedural->gusts();
-        if (!gusts.empty()) break; // all strands feel the same
-    }
+    std::set<std::array<double, 4>> known; // grooms share the scene's gusts, unless they have their own
+    for (const auto& procedural : shot.geometry.procedurals)
+        for (const Procedural::Gust& gust : procedural->gusts())
+            if (known.insert({gust.center.x(), gust.center.y(), gust.center.z(), gust.radius}).second)
+                gusts.push_back(gust);
     const size_t shown = std::min(gusts.size(), max_gusts);
     std::ranges::partial_sort(gusts, gusts.begin() + std::ptrdiff_t(shown), std::greater<>(),
                               &Procedural::Gust::radius);

@@ -7,16 +7,14 @@ MARRAM_VIEW_PATIENCE seconds (120). Screenshots go to the folder MARRAM_VIEW_PIC
 """
 import json
 import os
-import re
 import shutil
-import subprocess
 import sys
 import tempfile
-import threading
 import time
 
 sys.dont_write_bytecode = True
-from browser import Browser, BrowserError, PATIENCE
+from browser import Browser, BrowserError
+from client import Program
 
 SCENE = """
 fps = 24
@@ -75,40 +73,6 @@ def check(what, fine, detail=""):
     global failed
     failed += not fine
     print(("passed: " if fine else "FAILED: ") + what + (f" ({detail})" if detail and not fine else ""), flush=True)
-
-
-class Program:
-    """`marram view` with a scene; its address is what it prints first."""
-
-    def __init__(self, program, scene):
-        self.log = tempfile.TemporaryFile("w+")
-        self.process = subprocess.Popen([program, "view", scene, "--no-open", "--port", "0"], stdin=subprocess.DEVNULL,
-                                        stdout=subprocess.PIPE, stderr=self.log, text=True)
-        self.lines, self.address = [], None
-        self.known = threading.Event()
-        threading.Thread(target=self.read, daemon=True).start()
-        self.known.wait(PATIENCE)
-        if not self.address:
-            self.stop()
-            self.log.seek(0)
-            raise BrowserError("no address: " + "".join(self.lines) + self.log.read())
-
-    def read(self):
-        for line in self.process.stdout:
-            self.lines.append(line)
-            found = re.search(r"http://127\.0\.0\.1:\d+/\S+", line)
-            if found and not self.address:
-                self.address = found.group(0)
-                self.known.set()
-        self.known.set()
-
-    def alive(self):
-        return self.process.poll() is None
-
-    def stop(self):
-        if self.alive():
-            self.process.kill()
-        self.process.wait()
 
 
 class View:
@@ -408,6 +372,8 @@ def main():
     program = None
     try:
         program = Program(program_path, scene)
+        if not program.address:
+            raise BrowserError("no address: " + program.process.stderr.read())
         with Browser() as browser:
             view = View(browser, program.address)
             for test in (test_opening, test_playing, test_editing, test_searching, test_ramps, test_problems, test_camera, test_gusts, test_rendering):

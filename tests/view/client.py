@@ -10,7 +10,7 @@ import urllib.parse
 
 
 class Program:
-    """`marram view` of a scene; .address is what it prints."""
+    """`marram view` of a scene; .address is what it prints, "" if it has ended instead."""
 
     def __init__(self, program, scene, *options):
         self.process = subprocess.Popen([program, "view", scene, "--no-open", "--quiet", *options],
@@ -23,13 +23,19 @@ class Program:
         _, messages = self.process.communicate(timeout=60)
         return self.process.returncode, messages
 
+    def alive(self):
+        return self.process.poll() is None
+
+    def stop(self):
+        if self.alive():
+            self.process.kill()
+            self.process.communicate()
+
     def __enter__(self):
         return self
 
     def __exit__(self, *_):
-        if self.process.poll() is None:
-            self.process.kill()
-            self.process.communicate()
+        self.stop()
 
 
 def request(address, path=None, headers=None, method="GET", host=None):

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The scene of `marram render --watch`: read again when it, or a file that it names, has been saved.
+// The scene of `marram render --watch`: read again when it, or a file that it names, has been saved. A thread
+// looks at the files; the functions are called from one other thread.
 #pragma once
 
 #include "core/view/open_scene.h"
@@ -15,14 +16,15 @@ class SceneWatch {
   public:
     SceneWatch(std::string scene, Overrides overrides);
 
-    // Reads all files again. Throws InputError with the mistakes, and Cancelled.
+    // Reads all files again, after which the last Shot is gone. Clears stop(). Throws InputError, which lists all
+    // mistakes, and Cancelled, if an interrupt comes.
     Shot& load();
 
     // Set by an interrupt, and when a file of the scene has been saved since the last load(). Work on the
     // shot polls it.
     const std::atomic<bool>& stop() const { return stop_; }
 
-    // Returns once stop() is set. False: by an interrupt.
+    // Returns once stop() is set. True: a file was saved; false: an interrupt.
     bool wait() const;
 
   private:
@@ -30,8 +32,8 @@ class SceneWatch {
 
     std::atomic<bool> stop_{false};
     OpenScene scene_;
-    std::mutex guard_; // of scene_ while it loads, or its files are looked at
-    std::jthread thread_;
+    std::mutex guard_;    // of scene_ while it loads, or its files are looked at
+    std::jthread thread_; // of look(); last, so that it ends before the rest
 };
 
 } // namespace marram

@@ -543,7 +543,8 @@ typedef struct MarramProcedural {
     MarramStatus (*summarize)(MarramInstance* instance, void (*sink)(void* user, const char* text),
                               void* user);
     /* The random gusts of its wind at the frame, after begin: for a user interface that shows them. The sink is called
-     * for each: a sphere, and how strong it is at its centre. */
+     * for each, in the calling thread, before gusts returns: a sphere in world space, m, and its influence at the
+     * centre (wind.gusts: 1 is the full strength of one gust), which falls to 0 at the radius. */
     MarramStatus (*gusts)(MarramInstance* instance,
                           void (*sink)(void* user, const double center[3], double radius, double strength),
                           void* user);

@@ -13,8 +13,9 @@ class FilmDisplay {
   public:
     FilmDisplay(Display& display, std::string name) : display_(display), name_(std::move(name)) {}
 
-    // Resolves and shows the film if that is due: at most five times a second, for at most about 2 % of the
-    // time, and only if the viewer has taken what was shown before.
+    // Resolves and shows the film if that is due: at most five times a second, in at most about 2 % of the
+    // render's wall time, and only if the viewer has taken what was shown before. Neither function waits for
+    // the viewer, nor throws if it is gone (Display::take_fault).
     void between_passes(Film& film);
 
     void show(const Film& film); // resolved, with all layers, as in an EXR

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The scene that all pages see: kept open, changed value by value, with a history, taken up again when its
-// files change, and saved. Only what a change touches is made anew (update_shot).
+// files change, and saved. Only what a change touches is made anew (update_shot). Not thread-safe.
 #pragma once
 
 #include "core/shot/shot.h"
@@ -20,27 +20,30 @@ class OpenScene {
     // `stop` is polled by loading and by the scene's procedurals; it must outlive this.
     OpenScene(std::string file, Overrides overrides, const std::atomic<bool>& stop);
 
-    // Each throws InputError with the mistakes, or Cancelled; the last good state then stays.
+    // Each of these throws InputError, which lists all mistakes, or Cancelled; the last good state then stays,
+    // and the history, too. undo() and redo() do nothing at its ends. shot() may be another object afterwards.
     void load(); // reads all files again
-    // value: none: the file's. gesture: what follows with the same number is the same step of undo; 0: its own.
+    // Without a value the key has the file's again. Successive calls with the same gesture other than 0 (one
+    // drag) make one step of undo.
     void set(const std::string& key, const std::optional<std::string>& value, uint64_t gesture = 0);
     void undo();
     void redo();
     void reset(); // all values back to the file's
     void save();  // writes the changed values into the scene file, which must be without mistakes
 
-    // Whether a file of the scene has been written since it was read, and not since the last call: writing it
-    // is over. Asked for at intervals. Tells each change once.
+    // True once for each change: a file differs in time or size from what was read, and is as it was at the
+    // previous call, so that its writer has finished. To be polled, about four times a second. A file that is
+    // missing has not changed.
     bool files_changed();
 
-    Shot* shot() { return shot_.get(); } // nullptr: never loaded without a mistake
+    Shot* shot() { return shot_.get(); } // nullptr until a load has succeeded
     const std::string& file() const { return file_; }
     const ChangedValues& changed() const { return history_[at_]; }
     bool can_undo() const { return at_ > 0; }
     bool can_redo() const { return at_ + 1 < history_.size(); }
     std::vector<std::string> settings() const;      // of the command line and the changed ones: key=value
     uint64_t revision() const { return revision_; } // another after each change
-    uint64_t loads() const { return loads_; }       // changes that needed all objects of the shot made anew
+    uint64_t loads() const { return loads_; }       // how often all objects of the shot were made anew
 
   private:
     using Stamps = std::map<std::string, std::pair<std::filesystem::file_time_type, uintmax_t>>; // time, size

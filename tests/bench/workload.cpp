@@ -409,7 +409,7 @@ double Workload::run_blades(double ca) {
     blade.drag = 1.0;
     blade.rigidity = 0.5 * blade.air_density * blade.width * speed * speed * length * length * length / ca;
     blade.tolerance = 1e-3 * length;
-    blade.pieces = elastica_pieces(bent_.front().cvs, ca, 1e-3);
+    blade.pieces = elastica_pieces(bent_.front().cvs, ca, 0.0, 1e-3);
     for (Strands& patch : bent_)
         std::ranges::fill(patch.envelope, splat_float(float(speed / blade_response_speed)));
     return seconds_of([&] {

@@ -283,12 +283,12 @@ void resolve_blades(const Wind& wind, int cvs, double longest, double tolerance,
     const double speed = max_response(wind) * blade_response_speed * (1.0 + wind.noise_amplitude);
     const double widest = blade.width * std::ranges::max(blade.width_profile.values());
     const double drag = 0.5 * blade.air_density * blade.drag * widest * speed * speed;
-    constexpr double near_buckling = 3.0; // what weight adds to errors there, measured
-    const double load = (drag + near_buckling * blade.mass * gravity) * power(longest, 3) / blade.rigidity;
+    const double bend = power(longest, 3) / blade.rigidity;
     // A power of two, so that neighbouring frames have the same, and with it the past that jiggle keeps.
     const double asked = tolerance > 0.0 ? tolerance : default_share * longest;
     blade.tolerance = asked > 0.0 ? std::exp2(std::floor(std::log2(asked))) : default_share;
-    blade.pieces = elastica_pieces(cvs, load, longest > 0.0 ? blade.tolerance / longest : default_share);
+    blade.pieces = elastica_pieces(cvs, drag * bend, blade.mass * gravity * bend,
+                                   longest > 0.0 ? blade.tolerance / longest : default_share);
 }
 
 uint64_t bend_blades(const Wind& wind, const Blade& blade, double frame, double fps, Strands& strands) {

@@ -24,35 +24,37 @@
 //     K^(1/2) B K^(1/2) = (vector 2 T + (1 + T^2) B - 2 (T B) T, scalar 1 - T^2 - 2 T B)
 //
 // as a quaternion, so that a frame is carried over a joint by a reflection and a division: no trigonometry.
-// The error is of second order in the pieces. Solved in elastica_newton.cpp in floats; only CVs are summed in
-// doubles.
+// Across the kink's plane the hinge bends by cos(kink / 2) as much, see elastica_add_kink(). The error of the
+// chain is of second order in its pieces. With two pieces a segment or more, the segments' directions are
+// extrapolated from two chains, one of half the pieces (Richardson): of fourth order. Solved in
+// elastica_newton.cpp in floats; only CVs are summed in doubles.
 //
 // A segment of the pose has the length of the rest and points along the sum of its pieces. A bent segment's
 // chord is shorter than its arc; the polyline is not shortened. So its CVs lie up to curvature^2 l^2 / 24 of
 // the length beyond the points of the continuous blade: 0.2 % of the length for a bend of 90 degrees over 7
-// segments. Errors below are against the polyline that is built likewise from a blade of 32 pieces.
+// segments. Errors below are against the polyline that is built likewise from a fine chain.
 //
 // Errors with 8 CVs at tolerance 1e-3 L: 800 random blades for each row, curved at rest, wind from anywhere,
 // |B| up to 3 (tests/run -R Elastica.Errors -V):
 //
 //     Ca up to   pieces   99 %      worst
-//     0.1        1        5e-5      7e-5
-//     1          2        1.3e-4    1.6e-4
-//     10         2        8e-4      1.4e-3
-//     100        4        1.0e-3    4e-3
-//     1000       8        7e-4      1.1e-3
-//     10000      8        5e-4      another branch
+//     0.1        1        6e-5      7e-5
+//     1          2        1e-5      2e-5
+//     10         2        2e-4      6e-4
+//     100        2        5e-4      1e-3
+//     1000       4        6e-4      2e-3
+//     10000      8        6e-4      another pose
 //
-// At 1e-4 L, 16 pieces hold it up to Ca = 100; at 10^3 it is 1.1e-4. Against the oracle 8 pieces differ by
-// 1.8e-4 in 95 % and 3.5e-4 in 99 % of 249 blades, Ca up to 10^3 (tests/run -R Elastica.Agrees -V).
+// Against the oracle, Ca from 0.1 to 10^4, |B| up to 50: 99 % are within 1.1e-2 with 2 pieces, 2.1e-3 with 4, 8.3e-5
+// with 8. Of 1,969 such blades 3 were not solved or found another pose (MARRAM_WHOLE=1 tests/run -R
+// Elastica.Agrees -V). In a wind that blows from the tip towards the root equilibria are often unstable, and
+// several exist: more of those are not solved.
 //
 // Cost: grows with Ca and with the pieces; marram_bench prints it beside the talk's bend ("blade").
-//
-// All blades of that test converge up to Ca = 10^3. Beyond, some in a wind that blows from the tip towards the
-// root do not: equilibria there are often unstable, and several exist.
 #include "procedural/wind/blade/elastica.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 namespace marram {
@@ -124,25 +126,47 @@ MARRAM_HOT void elastica_set_up(const ElasticaBlock& b, ElasticaSegment* segment
     segments[last].rigidity = vmax(b.rigidity[last], softest) * unit;
 }
 
-MARRAM_HOT void elastica_emit(const ElasticaBlock& b, const ElasticaChain& c, const VInt& idle) {
-    const VFloat zero{};
+// Direction of a segment of the chain. `sound`: false if it has none.
+MARRAM_INLINE Wide3f elastica_direction(const ElasticaChain& c, int k, VInt& sound) {
+    const ElasticaJoint* pieces = c.joints + k * c.pieces;
+    Wide3f sum = pieces[0].t;
+    for (int i = 1; i < c.pieces; ++i) sum = sum + pieces[i].t;
+    const VFloat square = dot(sum, sum);
+    sound = square > VFloat{}; // false for NaN
+    return elastica_select(sound, sum * (1.0f / vsqrt(square)), c.segments[k].t);
+}
+
+// What is added to the direction `fine` of a segment, where a chain of half the pieces has `coarse`: a third of
+// the difference. Smoothly less where they differ by more than 0.3: those are not near the limit, or are two
+// poses.
+MARRAM_INLINE Wide3f elastica_extrapolation(const Wide3f& fine, const Wide3f& coarse) {
+    constexpr float trusted = 0.3f;
+    const Wide3f d = fine - coarse;
+    const VFloat square = dot(d, d) * (1.0f / (trusted * trusted));
+    return d * ((1.0f / 3.0f) / (1.0f + square * square));
+}
+
+// `half`: the chain of half the pieces; that of `c` itself if there is none.
+MARRAM_HOT void elastica_emit(const ElasticaBlock& b, const ElasticaChain& c, const ElasticaChain& half,
+                              const VInt& idle) {
     Wide3d position = to_double(b.rest[0]);
     b.pose[0] = b.rest[0];
     for (int k = 0; k < c.last; ++k) {
         const ElasticaSegment& s = c.segments[k];
-        const ElasticaJoint* pieces = c.joints + k * c.pieces;
-        Wide3f direction = pieces[0].t;
-        for (int i = 1; i < c.pieces; ++i) direction = direction + pieces[i].t;
-        const VFloat square = dot(direction, direction);
-        const VInt sound = square > zero; // false for NaN
-        direction = elastica_select(sound, direction * (1.0f / vsqrt(square)), s.t);
+        VInt sound, half_sound;
+        Wide3f direction = elastica_direction(c, k, sound);
+        if (half.pieces < c.pieces) {
+            const Wide3f coarse = elastica_direction(half, k, half_sound);
+            direction = direction + elastica_extrapolation(direction, coarse);
+            direction = direction * (1.0f / vsqrt(dot(direction, direction))); // at least 0.7
+        }
         Wide3d d = to_double(direction);
         d = d * (1.5 - 0.5 * dot(d, d)); // a Newton step: unit to 1e-14
         const Wide3d rest = to_double(b.rest[k + 1]) - to_double(b.rest[k]);
         position = position + d * vsqrt(dot(rest, rest));
         b.pose[k + 1] = elastica_select(idle, b.rest[k + 1], to_float(position));
         if (!b.rest_normal) continue;
-        const ElasticaJoint& m = pieces[c.pieces / 2];
+        const ElasticaJoint& m = c.joints[k * c.pieces + c.pieces / 2];
         for (int n = k; n == k || n == c.last; n += c.last - k) {
             const Wide3f& r = b.rest_normal[n];
             Wide3f v = m.e1 * dot(s.e1, r) + m.e2 * dot(s.e2, r) + m.t * dot(s.t, r);
@@ -158,25 +182,35 @@ MARRAM_HOT void elastica_emit(const ElasticaBlock& b, const ElasticaChain& c, co
 
 } // namespace
 
-int elastica_pieces(int cvs, double load, double tolerance) {
-    // The 99th percentile for one piece a segment and 8 CVs: linear, then the boundary layer's Ca^(1/3).
-    const double x = load / 7.0, l = 7.0 / (cvs - 1.0);
-    const double coarse = 3.2e-3 * std::min(1.3 * x, std::cbrt(x)) * l * l;
+int elastica_pieces(int cvs, double cauchy, double weight, double tolerance) {
+    // 99th percentiles: of one piece a segment, and of the extrapolated pose. What weight adds is greatest near
+    // buckling, and beyond it.
+    const double l = 1.0 / (cvs - 1.0), l2 = l * l, near_buckling = cauchy + 3.0 * weight;
+    const double load = near_buckling + weight * weight;
     int pieces = 1;
-    while (pieces < 16 && coarse > tolerance * pieces * pieces) pieces *= 2;
+    double error = 0.03 * near_buckling * l2;
+    while (pieces < 16 && error > tolerance) {
+        pieces *= 2;
+        const double h2 = l2 / (pieces * pieces);
+        error = h2 * h2 * std::max(std::min(load, 0.7 * std::cbrt(load * load)), 0.13 * load);
+    }
     return pieces;
 }
 
 unsigned elastica(const ElasticaBlock& block, ElasticaScratch& scratch) {
     const int last = block.cvs - 1;
-    const bool refines = block.pieces > 1;
     if (scratch.segments.size() < size_t(last) + 1) scratch.segments.resize(size_t(last) + 1);
-    if (scratch.coarse.size() < size_t(last)) scratch.coarse.resize(size_t(last));
-    const size_t fine_size = refines ? size_t(last) * size_t(block.pieces) : 0;
-    if (scratch.fine.size() < fine_size) scratch.fine.resize(fine_size);
-    const ElasticaSegment* segments = scratch.segments.data();
-    const ElasticaChain coarse{segments, scratch.coarse.data(), last, 1, 1.0f};
-    const ElasticaChain fine{segments, scratch.fine.data(), last, block.pieces, 1.0f / float(block.pieces)};
+    const int sizes[] = {1, block.pieces / 2, block.pieces}; // pieces of a segment in each chain
+    const int skipped = block.pieces > 2 ? 0 : block.pieces > 1 ? 1 : 2;
+    const size_t joints = size_t(last) * (size_t(block.pieces) * 3 / 2 + 1);
+    if (scratch.joints.size() < joints) scratch.joints.resize(joints);
+    std::array<ElasticaChain, 3> chains;
+    size_t count = 0;
+    ElasticaJoint* next = scratch.joints.data();
+    for (int i = skipped; i < 3; ++i) {
+        chains[count++] = {scratch.segments.data(), next, last, sizes[i], 1.0f / float(sizes[i])};
+        next += last * sizes[i];
+    }
     ElasticaLoads loads;
     elastica_set_up(block, scratch.segments.data(), loads);
     VInt done = loads.idle;
@@ -185,8 +219,8 @@ unsigned elastica(const ElasticaBlock& block, ElasticaScratch& scratch) {
         stop2[lane] = float(std::clamp(0.3 * block.tolerance / double(loads.length[lane]) *
                                            std::min(1.0, 10.0 / std::sqrt(double(loads.number[lane]))),
                                        1e-6, 1e-2));
-    elastica_solve(coarse, refines ? fine : coarse, loads, stop2, done);
-    elastica_emit(block, refines ? fine : coarse, loads.idle);
+    elastica_solve({chains.data(), count}, loads, stop2, done);
+    elastica_emit(block, chains[count - 1], chains[count > 1 ? count - 2 : 0], loads.idle);
     unsigned unconverged = 0;
     for (int lane = 0; lane < lanes; ++lane) unconverged |= done[lane] == 0 ? 1U << lane : 0U;
     return unconverged;

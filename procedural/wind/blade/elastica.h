@@ -9,7 +9,7 @@ namespace marram {
 // Eight strands side by side. All pointers are to arrays along the strand, root first. Values are finite.
 struct ElasticaBlock {
     int cvs = 0;                         // at least 2
-    int pieces = 1;                      // parts of a segment in the solution: elastica_pieces()
+    int pieces = 1;                      // parts of a segment, a power of two: elastica_pieces()
     const Wide3f* rest = nullptr;        // [cvs], metres. The shape without loads
     const Wide3f* rest_normal = nullptr; // [cvs], or nullptr
     Wide3f* pose = nullptr;              // [cvs], out
@@ -24,7 +24,7 @@ struct ElasticaBlock {
 
 struct ElasticaScratch {
     WideVector<ElasticaSegment> segments;
-    WideVector<ElasticaJoint> coarse, fine;
+    WideVector<ElasticaJoint> joints; // of all chains
 };
 
 // Poses the block. Returns a bit for each lane that did not converge: those hold the pose whose next step was
@@ -37,9 +37,9 @@ struct ElasticaScratch {
 unsigned elastica(const ElasticaBlock& block, ElasticaScratch& scratch);
 
 // The pieces that a segment needs for errors below `tolerance` (in strand lengths) on 99 % of the strands.
-// `load` bounds (drag speed^2 + |weight|) length^3 / rigidity: Ca + |B|. Measured: see elastica.cpp.
-// Take one number for a whole groom, from its longest strand and strongest wind, and keep it over time:
-// a strand whose number of pieces changes jumps by the error.
-int elastica_pieces(int cvs, double load, double tolerance);
+// `cauchy`, `weight`: the greatest drag speed^2 and |weight|, each times length^3 / rigidity. Measured: see
+// elastica.cpp. Take one number for a whole groom, from its longest strand and strongest wind, and keep it over
+// time: a strand whose number of pieces changes jumps by the error.
+int elastica_pieces(int cvs, double cauchy, double weight, double tolerance);
 
 } // namespace marram

@@ -4,6 +4,8 @@
 
 #include "core/math/simd.h"
 
+#include <span>
+
 namespace marram {
 
 // A segment at rest. Lengths in strand lengths, loads in rigidity / length^3.
@@ -43,11 +45,11 @@ struct ElasticaLoads {
     bool hangs;    // at rest the weight acts already
 };
 
-// Finds the bends of `fine` under the loads, from rest: first those of `coarse`, which has one piece a
-// segment; fine.pieces == 1: those only. `stop2`: square of the last step's largest turn. `done`: idle or
-// converged.
-void elastica_solve(const ElasticaChain& coarse, const ElasticaChain& fine, const ElasticaLoads& loads,
-                    const VFloat& stop2, VInt& done);
+// Finds the bends under the loads: of the first chain, which has one piece a segment, from rest, of each other
+// one from those of the one before, whose pieces it divides. `stop2`: square of the last step's largest turn; of the first
+// of three chains it may be larger. `done`: idle, or converged on the last.
+void elastica_solve(std::span<const ElasticaChain> chains, const ElasticaLoads& loads, const VFloat& stop2,
+                    VInt& done);
 
 struct ElasticaFrame {
     Wide3f e1, e2, t;

@@ -18,7 +18,7 @@
 //   last step, and weak pivots are raised: both make the matrix positive definite and lead downhill;
 // - lanes that fail start again with smaller steps;
 // - a pose with a negative pivot is left once by a kick along the last step.
-// The coarse chain gives the pose within 0.02 L for a third of the time; the fine one needs a step or two.
+// The coarse chain gives the pose within 0.02 L; each finer one starts from the last and needs a step or two.
 #include "procedural/wind/blade/elastica_chain.h"
 
 namespace marram {
@@ -222,7 +222,25 @@ MARRAM_INLINE void elastica_substitute(const ElasticaJoint& j, Wide3f& by_x, Wid
     by_y = x * j.xy + y * j.yy + by_t * j.twist_y;
 }
 
-MARRAM_INLINE void elastica_cross(ElasticaSweep& w, const Wide3f& q, bool at_cv, ElasticaJoint& j) {
+// The hinge at a CV turns half-way through the kink, T = tan(kink / 4); the strand bends before and behind it.
+// Both projections of the moment together leave the bend in the kink's plane, and take that across it by the
+// cosine of half the kink, 1 - 2 T^2 / (1 + T^2).
+MARRAM_INLINE void elastica_add_kink(const ElasticaSegment& s, ElasticaHinge& m) {
+    const VFloat tx = s.kink_x, ty = s.kink_y, scale = 2.0f / (1.0f + tx * tx + ty * ty);
+    const auto shorten = [&](VFloat& x, VFloat& y) MARRAM_ALWAYS_INLINE {
+        const VFloat across = scale * (tx * y - ty * x);
+        x += across * ty;
+        y -= across * tx;
+    };
+    shorten(m.x, m.y);
+    shorten(m.xx, m.yx);
+    shorten(m.xy, m.yy);
+    shorten(m.xt, m.yt);
+    shorten(m.x0, m.y0);
+}
+
+MARRAM_INLINE void elastica_cross(ElasticaSweep& w, const ElasticaSegment& s, const Wide3f& q, bool at_cv,
+                                  ElasticaJoint& j) {
     // A piece's twist follows from the turns on both sides of its hinge. Here, that of its own side.
     w.force_x = w.force_x + w.force_t * j.twist_x;
     w.force_y = w.force_y + w.force_t * j.twist_y;
@@ -246,6 +264,7 @@ MARRAM_INLINE void elastica_cross(ElasticaSweep& w, const Wide3f& q, bool at_cv,
     m.y += 2.0f * j.spread * q.y;
     m.x -= w.load * j.rest_x;
     m.y -= w.load * j.rest_y;
+    if (at_cv) elastica_add_kink(s, m);
     elastica_eliminate(m, j, w.unstable);
     elastica_substitute(j, w.force_x, w.force_y, w.force_t, w.force_0);
     elastica_substitute(j, w.moment_x, w.moment_y, w.moment_t, w.moment_0);
@@ -258,7 +277,7 @@ MARRAM_INLINE VInt elastica_backward(const ElasticaChain& c, VFloat load, VFloat
         for (int i = c.pieces - 1; i >= 0; --i) {
             ElasticaJoint& j = c.joints[k * c.pieces + i];
             const Wide3f q = elastica_add_piece(w, s, j, c.per_piece);
-            elastica_cross(w, q, i == 0, j);
+            elastica_cross(w, s, q, i == 0, j);
         }
         // A twist turns the rest kink. Its sine is 4 tan(angle / 4) to third order.
         const VFloat x = -4.0f * s.kink_y, y = 4.0f * s.kink_x;
@@ -389,23 +408,26 @@ MARRAM_INLINE void elastica_hang(const ElasticaChain& c, bool hangs) {
     }
 }
 
-// First bends of the fine chain: moments are interpolated between the hinges at the CVs, to 0 at the tip.
-MARRAM_INLINE void elastica_refine(const ElasticaJoint* coarse, const ElasticaChain& fine) {
-    VFloat x = elastica_ratio(coarse[0].bend_x, coarse[0].compliance);
-    VFloat y = elastica_ratio(coarse[0].bend_y, coarse[0].compliance);
-    for (int k = 0; k < fine.last; ++k) {
+// First bends of a chain: moments are interpolated between the hinges of a coarser one, to 0 at the tip.
+MARRAM_INLINE void elastica_refine(const ElasticaChain& coarse, const ElasticaChain& fine) {
+    const int parts = fine.pieces / coarse.pieces, hinges = coarse.last * coarse.pieces;
+    const float per_part = 1.0f / float(parts);
+    const ElasticaJoint* from = coarse.joints;
+    VFloat x = elastica_ratio(from[0].bend_x, from[0].compliance);
+    VFloat y = elastica_ratio(from[0].bend_y, from[0].compliance);
+    for (int k = 0; k < hinges; ++k) {
         VFloat nx{}, ny{};
-        if (k + 1 < fine.last) {
-            nx = elastica_ratio(coarse[k + 1].bend_x, coarse[k + 1].compliance);
-            ny = elastica_ratio(coarse[k + 1].bend_y, coarse[k + 1].compliance);
+        if (k + 1 < hinges) {
+            nx = elastica_ratio(from[k + 1].bend_x, from[k + 1].compliance);
+            ny = elastica_ratio(from[k + 1].bend_y, from[k + 1].compliance);
         }
         if (k == 0) { // the hinge at the root has the mean moment of the first half, that of its middle
             x += (x - nx) * (1.0f / 3.0f);
             y += (y - ny) * (1.0f / 3.0f);
         }
-        for (int i = 0; i < fine.pieces; ++i) {
-            ElasticaJoint& j = fine.joints[k * fine.pieces + i];
-            const float u = (k == 0 && i == 0 ? 0.25f : float(i)) * fine.per_piece;
+        for (int i = 0; i < parts; ++i) {
+            ElasticaJoint& j = fine.joints[k * parts + i];
+            const float u = (k == 0 && i == 0 ? 0.25f : float(i)) * per_part;
             j.bend_x = (x + (nx - x) * u) * j.compliance;
             j.bend_y = (y + (ny - y) * u) * j.compliance;
         }
@@ -414,16 +436,17 @@ MARRAM_INLINE void elastica_refine(const ElasticaJoint* coarse, const ElasticaCh
     }
 }
 
-MARRAM_HOT void elastica_solve_block(const ElasticaChain& coarse, const ElasticaChain& fine,
-                                     const ElasticaLoads& loads, const VFloat& stop2, VInt& done) {
+MARRAM_HOT void elastica_solve_chains(std::span<const ElasticaChain> chains, const ElasticaLoads& loads,
+                                      const VFloat& stop2, VInt& done) {
     const VFloat zero{}, one = splat_float(1.0f);
+    const ElasticaChain& coarse = chains[0];
     elastica_hinges(coarse);
     elastica_hang(coarse, loads.hangs);
     const VFloat load = vmin(one, elastica_first_load / vmax(loads.number, one));
     const VFloat damping = loads.number > elastica_light ? one : zero;
-    const bool refines = fine.pieces > 1;
+    const bool guesses = chains.size() > 2; // its pose is not extrapolated from
     const VFloat stop =
-        refines ? vmax(splat_float(elastica_coarse_stop * elastica_coarse_stop), stop2) : stop2;
+        guesses ? vmax(splat_float(elastica_coarse_stop * elastica_coarse_stop), stop2) : stop2;
     done = loads.idle;
     for (const float max_turn : {elastica_max_turn, elastica_careful_turn}) {
         if (!elastica_any(~done)) break;
@@ -434,18 +457,19 @@ MARRAM_HOT void elastica_solve_block(const ElasticaChain& coarse, const Elastica
         }
         done = elastica_newton(coarse, done, load, damping, stop, max_turn);
     }
-    if (!refines) return;
-    elastica_hinges(fine);
-    elastica_hang(fine, loads.hangs);
-    elastica_refine(coarse.joints, fine);
-    done = elastica_newton(fine, loads.idle, one, done ? zero : one, stop2, elastica_max_fine_turn);
+    for (size_t i = 1; i < chains.size(); ++i) {
+        elastica_hinges(chains[i]);
+        elastica_hang(chains[i], loads.hangs);
+        elastica_refine(chains[i - 1], chains[i]);
+        done = elastica_newton(chains[i], loads.idle, one, done ? zero : one, stop2, elastica_max_fine_turn);
+    }
 }
 
 } // namespace
 
-void elastica_solve(const ElasticaChain& coarse, const ElasticaChain& fine, const ElasticaLoads& loads,
-                    const VFloat& stop2, VInt& done) {
-    elastica_solve_block(coarse, fine, loads, stop2, done);
+void elastica_solve(std::span<const ElasticaChain> chains, const ElasticaLoads& loads, const VFloat& stop2,
+                    VInt& done) {
+    elastica_solve_chains(chains, loads, stop2, done);
 }
 
 } // namespace marram

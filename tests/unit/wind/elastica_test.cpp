@@ -226,7 +226,7 @@ TEST(Elastica, HangsAsItSagged) {
     }
     std::printf("sagged by up to %.2g of the length; hanging off by up to %.2g\n", moved, worst);
     EXPECT_GT(moved, 0.1);
-    EXPECT_LT(worst, 4e-3);
+    EXPECT_LT(worst, 3e-4);
 }
 
 TEST(Elastica, KeepsLengthsAndNormals) {
@@ -273,7 +273,8 @@ TEST(Elastica, ABladeIsTheSameInAnyLaneAndCompany) {
     }
 }
 
-TEST(Elastica, ConvergesInSecondOrder) {
+// Of fourth order from two pieces on, until floats end it.
+TEST(Elastica, ConvergesOnceExtrapolated) {
     Blades blades(8);
     for (int lane = 0; lane < lanes; ++lane) set_random(blades, lane, uint64_t(lane), 30.0, 2.0, 1.0);
     std::vector<WideVector<Wide3f>> poses;
@@ -287,7 +288,7 @@ TEST(Elastica, ConvergesInSecondOrder) {
         for (int lane = 0; lane < lanes; ++lane) sum += max_distance(blades, poses[i], lane) / lanes;
         std::printf("%d pieces: mean error %.3g\n", 1 << i, sum);
         if (i > 0) {
-            EXPECT_LT(sum, before / 3.0);
+            EXPECT_LT(sum, before / 8.0 + 3e-6);
         }
         before = sum;
     }
@@ -309,7 +310,7 @@ TEST(Elastica, ErrorsAreBelowTheTolerance) {
                 }
                 blades.solve(32, 1e-6);
                 const WideVector<Wide3f> reference = blades.pose;
-                pieces = elastica_pieces(8, ca + ca / (1.0 + ca / 4.0), tolerance);
+                pieces = elastica_pieces(8, ca, ca / (1.0 + ca / 4.0), tolerance);
                 unconverged += blades.solve(pieces, 0.5 * tolerance);
                 for (int lane = 0; lane < lanes; ++lane)
                     errors.push_back(max_distance(blades, reference, lane));
@@ -320,9 +321,7 @@ TEST(Elastica, ErrorsAreBelowTheTolerance) {
                         "unconverged\n",
                         ca, tolerance, pieces, errors[errors.size() / 2], percentile, errors.back(),
                         unconverged, errors.size());
-            if (ca <= 1e3) {
-                EXPECT_LT(percentile, pieces < 16 ? tolerance : 1.5 * tolerance); // 16: the most there are
-            }
+            EXPECT_LT(percentile, tolerance);
             EXPECT_LE(unconverged, ca > 1e3 ? 8 : 0);
         }
 }

@@ -121,7 +121,8 @@ struct BlockView { // one block of a Strands
     const VFloat* envelope;
     const VDouble* arc;
     const Wide3f* noise; // nullptr: no noise
-    Wide3d wind;         // unit direction
+    const Wide3d* wind;  // unit direction: of the strand, or [cvs]
+    int wind_stride;     // 0 or 1
     VDouble* factors;    // [cvs - 1]
 };
 
@@ -148,7 +149,6 @@ MARRAM_HOT void turn_factors(const Wind& wind, const BlockView& block) {
 
 MARRAM_HOT void bend_block(const Wind& wind, const BlockView& block) {
     const int last = block.cvs - 1;
-    const Wide3d w = block.wind;
     const Wide3d tip = to_double(block.rest[last]);
     Turn turn{VDouble{}, VDouble{}, VDouble{}, splat(1.0)};
     VLong turned{};
@@ -161,7 +161,8 @@ MARRAM_HOT void bend_block(const Wind& wind, const BlockView& block) {
         const Wide3d noise = block.noise ? to_double(block.noise[k]) * splat(wind.noise_amplitude) : Wide3d{};
         VLong turns;
         const auto segment = [&]() MARRAM_ALWAYS_INLINE { return rotate(turn, end - start); };
-        const Turn q = scaled_turn(a, w + noise, block.factors[k], segment, noise, turns);
+        const Turn q = scaled_turn(a, block.wind[k * block.wind_stride] + noise, block.factors[k], segment,
+                                   noise, turns);
         turn = renormalised(q * turn);
         turned |= turns;
         // CVs before the first rotation are copied from the rest strand, bit for bit.
@@ -180,6 +181,7 @@ void bend(const Wind& wind, double frame, double fps, Strands& strands) {
     WideVector<VDouble> arc(static_cast<size_t>(cvs)), factors(static_cast<size_t>(cvs));
     const bool noisy = wind.noise_amplitude > 0.0;
     const NoiseTimes times = noise_times(wind, frame, fps);
+    const Wide3d mean = splat3(wind.direction.data());
     for (int i = 0; i < strands.blocks; ++i) {
         const size_t first = size_t(i) * size_t(cvs);
         arc_lengths(strands.rest.data() + first, cvs, arc.data());
@@ -192,8 +194,9 @@ void bend(const Wind& wind, double frame, double fps, Strands& strands) {
                               strands.envelope.data() + first,
                               arc.data(),
                               noisy ? strands.values.data() : nullptr,
-                              strands.wind_direction.empty() ? splat3(wind.direction.data())
-                                                             : strands.wind_direction[size_t(i)],
+                              strands.wind_direction.empty() ? &mean
+                                                             : &strands.wind_direction[strands.wind_at(i, 0)],
+                              strands.wind_at_cvs ? 1 : 0,
                               factors.data()};
         turn_factors(wind, block);
         bend_block(wind, block);

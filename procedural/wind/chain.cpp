@@ -68,10 +68,17 @@ ChainFrame make_chain_frame(const ChainInput& input) {
 
 namespace {
 
-MARRAM_INLINE void scale_by_block(const WideVector<VFloat>& factors, Strands& strands) {
+MARRAM_INLINE void scale_by_share(Strands& strands) {
     for (int i = 0; i < strands.blocks; ++i)
         for (int k = 0; k < strands.cvs; ++k)
-            strands.envelope[size_t(i) * size_t(strands.cvs) + size_t(k)] *= factors[size_t(i)];
+            strands.envelope[size_t(i) * size_t(strands.cvs) + size_t(k)] *= strands.wind_share[size_t(i)];
+}
+
+MARRAM_INLINE void scale_by_response(Strands& strands) {
+    for (int i = 0; i < strands.blocks; ++i)
+        for (int k = 0; k < strands.cvs; ++k)
+            strands.envelope[size_t(i) * size_t(strands.cvs) + size_t(k)] *=
+                strands.wind_response[strands.wind_at(i, k)];
 }
 
 // e = clamp(calm + gusts) * groom's envelope * (1 - shield * sheltered fraction) * response(speed)
@@ -87,11 +94,13 @@ MARRAM_HOT void set_envelope(const Wind& wind, const float* own, Strands& strand
             e = e < zero ? zero : e > one ? one : e;
             VFloat left = one - loss * strands.shield[at];
             left = left > zero ? left : zero;
-            if (once)
-                left = vmin(left * strands.wind_unsheltered[size_t(i)], strands.wind_response[size_t(i)]);
+            if (once) {
+                const size_t local = strands.wind_at(i, k);
+                left = vmin(left * strands.wind_unsheltered[local], strands.wind_response[local]);
+            }
             strands.envelope[at] = e * left * own[k];
         }
-    if (strands.has_wind_share) scale_by_block(strands.wind_share, strands);
+    if (strands.has_wind_share) scale_by_share(strands);
 }
 
 // The canopy slows the wind: the envelope times response(speed * canopy) / response(speed).
@@ -99,11 +108,14 @@ MARRAM_HOT void scale_by_canopy(const Wind& wind, Strands& strands) {
     const bool local = !strands.wind_speed.empty();
     const VDouble mean = splat(wind.speed);
     for (int i = 0; i < strands.blocks; ++i) {
-        const VDouble speed = local ? to_double(strands.wind_speed[size_t(i)]) : mean;
-        const VDouble free = vmin(vmax(evaluate(wind.response, speed), VDouble{}), 1.0);
-        const VLong blows = free > 0.0;
-        const VDouble per_free = select(blows, 1.0 / select(blows, free, 1.0), 0.0);
+        VDouble speed, per_free;
         for (int k = 0; k < strands.cvs; ++k) {
+            if (k == 0 || strands.wind_at_cvs) {
+                speed = local ? to_double(strands.wind_speed[strands.wind_at(i, k)]) : mean;
+                const VDouble free = vmin(vmax(evaluate(wind.response, speed), VDouble{}), 1.0);
+                const VLong blows = free > 0.0;
+                per_free = select(blows, 1.0 / select(blows, free, 1.0), 0.0);
+            }
             const size_t at = size_t(i) * size_t(strands.cvs) + size_t(k);
             const VDouble slowed = evaluate(wind.response, speed * to_double(strands.canopy[at]));
             strands.envelope[at] *= to_float(vmin(vmax(slowed, VDouble{}), 1.0) * per_free);
@@ -135,9 +147,11 @@ void bend_at(const ChainFrame& chain, const WindAt& at, double frame, Strands& s
         strands.wind_response.clear();
         strands.wind_unsheltered.clear();
         strands.wind_speed.clear();
+        strands.wind_at_cvs = false;
     } else {
         local_wind({wind.direction, wind.speed, wind.response, at.fields, at.ground,
-                    wind.over ? wind.over->speed : SpeedHeight{}, wind.shielding.has_value()},
+                    wind.over ? wind.over->speed : SpeedHeight{}, wind.shielding.has_value(),
+                    wind.fields_at_cvs && !at.fields.empty()},
                    strands);
     }
     const bool local = !strands.wind_response.empty();
@@ -150,7 +164,7 @@ void bend_at(const ChainFrame& chain, const WindAt& at, double frame, Strands& s
     }
     set_envelope(wind, own.data(), strands);
     if (strands.irregular) scale_envelope(envelope, strands);
-    if (local && strands.wind_unsheltered.empty()) scale_by_block(strands.wind_response, strands);
+    if (local && strands.wind_unsheltered.empty()) scale_by_response(strands);
     if (chain.canopy && response > 0.0) {
         const bool turns = chain.wind->keys && chain.wind->keys->air.has_direction_keys();
         if (strands.canopy.empty() || turns) chain.canopy->attenuate(wind.direction, strands);

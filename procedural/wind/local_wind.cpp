@@ -109,56 +109,64 @@ MARRAM_HOT void wind_of_blocks(const LocalWind& wind, std::span<const FieldAt> f
     const bool once = !strands.wind_unsheltered.empty();
     for (int i = 0; i < strands.blocks; ++i) {
         const Wide3f* const rest = strands.rest.data() + size_t(i) * size_t(strands.cvs);
-        const Wide3d p = to_double(rest[0]);
-        const auto with_fields = [&](Wide3d v) MARRAM_ALWAYS_INLINE {
-            for (const FieldAt& field : fields) v = with_field(field, p, v, undisturbed);
-            return v;
-        };
-        Wide3d v = undisturbed;
+        Wide3d before_fields = undisturbed;
         if (wind.ground.air) {
+            const Wide3d root = to_double(rest[0]);
             VDouble rise{}, reach{};
             for (int k = 1; k < strands.cvs; ++k) {
-                const Wide3d way = to_double(rest[k]) - p;
+                const Wide3d way = to_double(rest[k]) - root;
                 rise = vmax(rise, way.y);
                 reach = vmax(reach, dot(way, way));
             }
             const VDouble above = vmax(rise * 0.5, vsqrt(reach) * 0.1);
-            v = wind_over_ground(wind.ground, wind.reference, p, above, wind.speed * wind.direction);
+            before_fields =
+                wind_over_ground(wind.ground, wind.reference, root, above, wind.speed * wind.direction);
         }
-        v = with_fields(v);
-        const Wide3d d = v - undisturbed;
-        const VLong changed = dot(d, d) > 0.0;
-        const VDouble length = vsqrt(dot(v, v));
-        const VLong turned = changed & (length > 0.0);
-        const VDouble strength = vmin(vmax(evaluate(response, length), 0.0), 1.0);
-        strands.wind_direction[size_t(i)] =
-            select(turned, v * (1.0 / select(turned, length, 1.0)), direction);
-        strands.wind_speed[size_t(i)] = to_float(length);
-        const VFloat sheltered = to_float(select(changed, strength, splat(double(mean_response))));
-        strands.wind_response[size_t(i)] = sheltered;
-        if (!once) continue;
-        const Wide3d level = with_fields(undisturbed);
-        const VFloat there = to_float(vmin(vmax(evaluate(response, vsqrt(dot(level, level))), 0.0), 1.0));
-        strands.wind_unsheltered[size_t(i)] = vmax(sheltered, there);
+        for (int k = 0; k < (wind.at_cvs ? strands.cvs : 1); ++k) {
+            const Wide3d p = to_double(rest[k]);
+            const auto with_fields = [&](Wide3d v) MARRAM_ALWAYS_INLINE {
+                for (const FieldAt& field : fields) v = with_field(field, p, v, undisturbed);
+                return v;
+            };
+            const Wide3d v = with_fields(before_fields);
+            const Wide3d d = v - undisturbed;
+            const VLong changed = dot(d, d) > 0.0;
+            const VDouble length = vsqrt(dot(v, v));
+            const VLong turned = changed & (length > 0.0);
+            const VDouble strength = vmin(vmax(evaluate(response, length), 0.0), 1.0);
+            const size_t at = strands.wind_at(i, k);
+            strands.wind_direction[at] = select(turned, v * (1.0 / select(turned, length, 1.0)), direction);
+            strands.wind_speed[at] = to_float(length);
+            const VFloat sheltered = to_float(select(changed, strength, splat(double(mean_response))));
+            strands.wind_response[at] = sheltered;
+            if (!once) continue;
+            const Wide3d level = with_fields(undisturbed);
+            const VFloat there = to_float(vmin(vmax(evaluate(response, vsqrt(dot(level, level))), 0.0), 1.0));
+            strands.wind_unsheltered[at] = vmax(sheltered, there);
+        }
     }
 }
 
 } // namespace
 
 void local_wind(const LocalWind& wind, Strands& strands) {
-    strands.wind_direction.resize(size_t(strands.blocks));
-    strands.wind_response.resize(size_t(strands.blocks));
-    strands.wind_speed.resize(size_t(strands.blocks));
-    strands.wind_unsheltered.resize(wind.shielded && wind.ground.air ? size_t(strands.blocks) : 0);
+    strands.wind_at_cvs = wind.at_cvs;
+    const int points = wind.at_cvs ? strands.cvs : 1; // of a strand
+    const size_t size = size_t(strands.blocks) * size_t(points);
+    strands.wind_direction.resize(size);
+    strands.wind_response.resize(size);
+    strands.wind_speed.resize(size);
+    strands.wind_unsheltered.resize(wind.shielded && wind.ground.air ? size : 0);
     Vec3d lower = Vec3d::Constant(infinity), upper = -lower;
-    for (int i = 0; i < strands.blocks; ++i) {
-        const Wide3f& p = strands.rest[size_t(i) * size_t(strands.cvs)];
-        for (int lane = 0; lane < lanes; ++lane) {
-            const Vec3d root(double(p.x[lane]), double(p.y[lane]), double(p.z[lane]));
-            lower = lower.cwiseMin(root);
-            upper = upper.cwiseMax(root);
+    for (int i = 0; i < strands.blocks; ++i)
+        for (int k = 0; k < points; ++k) {
+            const Wide3f& p = strands.rest[size_t(i) * size_t(strands.cvs) + size_t(k)];
+            for (int lane = 0; lane < lanes; ++lane) {
+                const Vec3d point(double(p.x[lane]), double(p.y[lane]), double(p.z[lane]));
+                lower = lower.cwiseMin(point);
+                upper = upper.cwiseMax(point);
+            }
         }
-    }
     std::vector<FieldAt> near; // usually none or one
     for (const FieldAt& field : wind.fields)
         if ((field.lower.array() <= upper.array()).all() && (field.upper.array() >= lower.array()).all())

@@ -29,14 +29,16 @@
 // seen from above and relative to the mean wind.
 //
 // A strand takes the wind at its root: the direction of v is what it turns towards, and response(|v|) its
-// strength. Where wind.over names ground, v starts as the wind over it (ground_air.h), half as high above
-// the root as the strand rises, or a tenth of its reach if that is more. Noise and gusts are carried by the
+// strength. With fields_at = "cv" each CV takes the fields where it is at rest, so that one strand can lean two
+// ways, as under the edge of a rotor. Where wind.over names ground, v starts as the wind over it
+// (ground_air.h), half as high above the root as the strand rises, or a tenth of its reach if that is more:
+// one for all CVs. Noise and gusts are carried by the
 // mean wind: carried by v, they would be sheared without end. Rays for shelter go upwind of the mean wind.
 //
 // ERROR: in double, samples in float; the response is stored as a float, off by less than 1e-6
 // (local_wind_test.cpp, field_shapes_test.cpp). COST: tens of nanoseconds a root and
 // field, least in a sphere, most between two frames of a staggered grid (marram_bench, "field", prints each);
-// a patch outside a field does not pay for it.
+// a patch outside a field does not pay for it. With fields_at = "cv" each CV costs what a root does.
 #pragma once
 
 #include "core/math/ramp.h"
@@ -57,9 +59,10 @@ struct LocalWind {
     GroundAir::At ground{}; // over which it blows, if any: fields change what the ground has made of it
     SpeedHeight reference{};
     bool shielded = false; // rays find shelter, too
+    bool at_cvs = false;   // fields act at each CV, not at the root
 };
-// Sets strands.wind_direction, wind_speed and wind_response, from the roots of strands.rest; and, with
-// `shielded` and ground, strands.wind_unsheltered.
+// Sets strands.wind_direction, wind_speed and wind_response, from strands.rest; and, with `shielded` and ground,
+// strands.wind_unsheltered.
 void local_wind(const LocalWind& wind, Strands& strands);
 
 } // namespace marram

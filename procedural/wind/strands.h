@@ -49,11 +49,12 @@ struct Strands {
     WideVector<Wide3d> root_normal;  // [blocks]: normal of the skin at the root, unit
     WideVector<VDouble> width;       // [blocks]: width of a strand, metres; the radius profile scales it
     WideVector<VFloat> wind_share;   // [blocks] if has_wind_share: factor of the envelope
-    // [blocks] where the wind has fields or ground, else empty: unit, and response(speed), at the roots.
-    WideVector<Wide3d> wind_direction;
-    WideVector<VFloat> wind_response;
+    // Where the wind has fields or ground, else empty: [blocks], at the roots; [blocks * cvs] if wind_at_cvs.
+    WideVector<Wide3d> wind_direction;   // unit
+    WideVector<VFloat> wind_response;    // response(speed)
     WideVector<VFloat> wind_unsheltered; // the same without the ground's shelter, if rays find shelter, too
-    WideVector<VFloat> wind_speed;       // [blocks], m/s, likewise
+    WideVector<VFloat> wind_speed;       // m/s
+    bool wind_at_cvs = false;
     WideVector<VFloat>
         canopy; // [blocks * cvs] if strands stand in a canopy, else empty: share of the wind's speed
     WideVector<VFloat> contact; // [blocks * cvs] if has_contact: the Contact of the segment before a CV
@@ -74,6 +75,11 @@ struct Strands {
                 wind_direction.capacity()) *
                    sizeof(Wide3d) +
                (width.capacity() + u.capacity()) * sizeof(VDouble);
+    }
+
+    // Element of wind_direction, wind_response, wind_unsheltered and wind_speed.
+    size_t wind_at(int block, int cv) const {
+        return wind_at_cvs ? size_t(block) * size_t(cvs) + size_t(cv) : size_t(block);
     }
 
     // Copies what expansion fills.

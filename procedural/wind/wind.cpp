@@ -36,6 +36,8 @@ constexpr std::array own_params = {
         "logarithmic law; 0: it is that at the strands"),
     param::number("over_roughness", "m", "0.001", 1e-6, 100,
                   "roughness length of that mesh, for over_height"),
+    param::choice("fields_at", "root", "root|cv",
+                  "root: a strand feels the fields at its root; cv: each CV where it is at rest"),
     param::number("air_density", "kg/m^3", "1.225", 0, 1e4, "of the air that bends blades"),
     param::range("record_frames", "frames", "none", -1e6, 1e6, "frames of the record's first and last row"),
     param::keyable(
@@ -188,6 +190,11 @@ Wind read_wind(const Values& values, std::optional<double> blade_frequency) {
                              "noise.loop has no length", "give two different frames");
     }
     wind.fields = read_fields(values);
+    wind.fields_at_cvs = values.text("wind.fields_at") == "cv";
+    if (wind.fields.empty() && is_given(values, "wind.fields_at"))
+        throw SceneFault("wind.no_fields", values.at("wind.fields_at").place,
+                         "wind.fields_at is given, and the wind has no fields",
+                         "add a [[wind.field]], or remove this");
     wind.over = read_over(values);
     wind.air_density = values.number("wind.air_density");
     wind.shielding = read_shielding(values);

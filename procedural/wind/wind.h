@@ -47,6 +47,7 @@ struct Wind {
     double loop_begin = 0.0, loop_end = 0.0; // frames
     // Optional stages, set if the scene uses them.
     std::vector<PlacedField> fields; // where the wind differs from place to place
+    bool fields_at_cvs = false;      // each CV feels them where it is, not its strand's root
     std::optional<Over> over;        // the ground that it blows over
     double air_density = 1.225;      // kg/m^3
     bool bends_blades = false;       // response is the speed (blade.h)

@@ -244,7 +244,8 @@ struct BladeLoads {
 };
 
 MARRAM_HOT void blade_loads(const Blade& blade, const VFloat* envelope, const Wide3f* noise, double amplitude,
-                            const Wide3d& direction, const VDouble& width, int cvs, BladeLoads& loads) {
+                            const Wide3d* direction, bool at_cvs, const VDouble& width, int cvs,
+                            BladeLoads& loads) {
     const VDouble length = loads.arc[size_t(cvs) - 1];
     const VDouble per_length = select(length > 0.0, 1.0 / select(length > 0.0, length, 1.0), 0.0);
     const VDouble relative = width * (1.0 / blade.width);
@@ -261,7 +262,8 @@ MARRAM_HOT void blade_loads(const Blade& blade, const VFloat* envelope, const Wi
         loads.weight[size_t(k)] = to_float(mass * evaluate(blade.mass_taper, middle));
         const VDouble speed =
             (to_double(envelope[k]) + to_double(envelope[k + 1])) * (0.5 * blade_response_speed);
-        Wide3d w = direction;
+        Wide3d w = direction[0];
+        if (at_cvs) w = (direction[k] + direction[k + 1]) * splat(0.5);
         if (noise) w = w + (to_double(noise[k]) + to_double(noise[k + 1])) * splat(0.5 * amplitude);
         loads.wind[size_t(k)] = to_float(w * speed);
     }
@@ -302,6 +304,7 @@ uint64_t bend_blades(const Wind& wind, const Blade& blade, double frame, double 
     loads.arc.resize(size_t(cvs));
     const bool noisy = wind.noise_amplitude > 0.0;
     const NoiseTimes times = noise_times(wind, frame, fps);
+    const Wide3d mean = splat3(wind.direction.data());
     uint64_t unsolved = 0;
     for (int i = 0; i < strands.blocks; ++i) {
         const size_t first = size_t(i) * size_t(cvs);
@@ -309,9 +312,8 @@ uint64_t bend_blades(const Wind& wind, const Blade& blade, double frame, double 
         if (noisy) noise_along(wind, times, strands.noise_origin[size_t(i)], loads.arc.data(), cvs, strands);
         blade_loads(blade, strands.envelope.data() + first, noisy ? strands.values.data() : nullptr,
                     wind.noise_amplitude,
-                    strands.wind_direction.empty() ? splat3(wind.direction.data())
-                                                   : strands.wind_direction[size_t(i)],
-                    strands.width[size_t(i)], cvs, loads);
+                    strands.wind_direction.empty() ? &mean : &strands.wind_direction[strands.wind_at(i, 0)],
+                    strands.wind_at_cvs, strands.width[size_t(i)], cvs, loads);
         ElasticaBlock block;
         block.cvs = cvs;
         block.rest = strands.rest.data() + first;

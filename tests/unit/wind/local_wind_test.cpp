@@ -162,5 +162,38 @@ TEST(LocalWind, HasTheSameBitsInAnyPatch) {
     }
 }
 
+// With fields_at = "cv" CV k has the wind of a strand that is rooted there, bit for bit.
+TEST(LocalWind, IsAtEachCvThatOfARootThere) {
+    Random random;
+    std::vector<PlacedField> fields;
+    for (int i = 0; i < 5; ++i) fields.push_back(random_field(random, i % 2, i % 3 == 0));
+    std::vector<Vec3d> roots;
+    for (int i = 0; i < 29; ++i) roots.push_back(random.vector(2.0));
+    const auto blow = [&](Strands& strands, bool at_cvs) {
+        LocalWind wind{Vec3d::UnitX(), 4.0, response, {}};
+        const std::vector<FieldAt> at = fields_at(fields, 1.0);
+        wind.fields = at;
+        wind.at_cvs = at_cvs;
+        local_wind(wind, strands);
+    };
+    Strands both = strands_at(roots), bottom = both, top = both;
+    for (int i = 0; i < top.blocks; ++i) top.rest[size_t(i) * 2] = top.rest[size_t(i) * 2 + 1];
+    blow(both, true);
+    blow(bottom, false);
+    blow(top, false);
+    for (int i = 0; i < both.blocks; ++i)
+        for (int k = 0; k < 2; ++k) {
+            const Strands& one = k == 0 ? bottom : top;
+            const size_t at = both.wind_at(i, k), from = one.wind_at(i, 0);
+            for (int lane = 0; lane < lanes; ++lane) {
+                EXPECT_EQ(both.wind_response[at][lane], one.wind_response[from][lane]);
+                EXPECT_EQ(both.wind_speed[at][lane], one.wind_speed[from][lane]);
+                EXPECT_EQ(both.wind_direction[at].x[lane], one.wind_direction[from].x[lane]);
+                EXPECT_EQ(both.wind_direction[at].y[lane], one.wind_direction[from].y[lane]);
+                EXPECT_EQ(both.wind_direction[at].z[lane], one.wind_direction[from].z[lane]);
+            }
+        }
+}
+
 } // namespace
 } // namespace marram::testing::local

@@ -198,21 +198,34 @@ GroundSample sample_ground(const GroundAir::At& at, const Wide3d& p) {
     return out;
 }
 
-} // namespace
-
-Wide3d wind_over_ground(const GroundAir::At& at, const SpeedHeight& reference, const Wide3d& p,
-                        const VDouble& above, const Vec3d& velocity) {
-    const GroundSample g = sample_ground(at, p);
-    const VDouble z = select(g.inside, vmax(p.y + above - g.height, 0.0), above);
+// f at height z, along and across the wind.
+MARRAM_INLINE void relative_wind(const GroundSample& g, const VDouble& z, VDouble& along, VDouble& across) {
     const VDouble stress_along = vmax(g.along + 1.0, 0.0);
     const VDouble stress = vsqrt(stress_along * stress_along + g.across * g.across);
     const VDouble scale = select(stress > 0.0, 1.0 / vsqrt(select(stress > 0.0, stress, 1.0)), 0.0);
-    VDouble along = stress_along * scale, across = g.across * scale;
+    along = stress_along * scale, across = g.across * scale;
     const VLong bubble = g.excess > 0.0;
     const VDouble y = select(bubble, vmin(z / select(bubble, g.excess, 1.0), 1.0), 1.0);
     const VDouble joined = y * y * (3.0 - 2.0 * y);
     along = joined * along - (1.0 - joined) * return_flow;
     across = joined * across;
+}
+
+} // namespace
+
+VDouble speed_over_ground(const GroundAir::At& at, const VDouble& x, const VDouble& z, double above) {
+    const GroundSample g = sample_ground(at, {x, VDouble{}, z});
+    VDouble along, across;
+    relative_wind(g, splat(above), along, across);
+    return select(g.inside, along, 1.0);
+}
+
+Wide3d wind_over_ground(const GroundAir::At& at, const SpeedHeight& reference, const Wide3d& p,
+                        const VDouble& above, const Vec3d& velocity) {
+    const GroundSample g = sample_ground(at, p);
+    const VDouble z = select(g.inside, vmax(p.y + above - g.height, 0.0), above);
+    VDouble along, across;
+    relative_wind(g, z, along, across);
     const double level = std::hypot(velocity.x(), velocity.z());
     VDouble speed = splat(level);
     if (reference.height > 0.0)

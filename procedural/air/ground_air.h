@@ -94,4 +94,8 @@ struct SpeedHeight {
 Wide3d wind_over_ground(const GroundAir::At& at, const SpeedHeight& reference, const Wide3d& p,
                         const VDouble& above, const Vec3d& velocity);
 
+// The part of f along d at eight x and z, `above` metres over the ground: how fast the air is, over level ground 1.
+// Below 0: it returns. Outside the grid 1.
+VDouble speed_over_ground(const GroundAir::At& at, const VDouble& x, const VDouble& z, double above);
+
 } // namespace marram

@@ -10,6 +10,9 @@
 //        "image"      first channel of a file, stretched over the terrain, bilinear
 //        "noise"      Perlin noise, features `wavelength` metres apart; 3 samples in 1000 exceed -1 to 1
 //        "distance"   metres to the nearest point of drawn curves (`along`), seen from above
+//        "air"        speed of the air `above` metres over the ground, along the scene's wind, over that over
+//                     level ground: more than 1 on crests, below 0 where it returns in the lee. It is what strands
+//                     feel by wind.over (ground_air.h). Depends on the whole terrain: an edit makes it anew
 //
 // The ramp's values are clamped to 0 ... 1. With `mask` the result is multiplied by another mask.
 //
@@ -21,7 +24,9 @@
 #include "procedural/terrain/mask_layer.h"
 
 #include "core/math/hash.h"
+#include "procedural/abi/parallel.h"
 #include "procedural/abi/param.h"
+#include "procedural/air/ground_air.h"
 #include "procedural/noise/noise.h"
 #include "procedural/terrain/shape_layer.h"
 #include "procedural/terrain/stretched_image.h"
@@ -34,11 +39,11 @@ namespace marram {
 
 namespace {
 
-enum class MaskBy { height, sand, slope, curvature, mask, image, distance, noise };
+enum class MaskBy { height, sand, slope, curvature, mask, image, distance, noise, air };
 
 MaskBy mask_by(std::string_view name) {
-    constexpr std::array names = {"height", "sand",  "slope",    "curvature",
-                                  "mask",   "image", "distance", "noise"};
+    constexpr std::array names = {"height", "sand",     "slope", "curvature", "mask",
+                                  "image",  "distance", "noise", "air"};
     for (size_t i = 0; i < names.size(); ++i)
         if (name == names[i]) return MaskBy(i);
     return MaskBy::height;
@@ -71,9 +76,30 @@ std::string name_of_mask(const LayerValues& values) {
                      "give it one: name = \"...\"");
 }
 
+// The heights of a terrain, averaged over squares of samples if there are more than 2^20.
+HeightGrid air_grid(const Domain& domain, const Fields& fields) {
+    constexpr double most = 0x1p20;
+    const int square = std::max(1, int(std::ceil(std::sqrt(double(domain.count()) / most))));
+    const double middle = 0.5 * (square - 1) * domain.cell;
+    HeightGrid grid{domain.nx / square,   domain.nz / square,   domain.cell * square,
+                    domain.x(0) + middle, domain.z(0) + middle, {}};
+    grid.heights.resize(size_t(grid.nx) * size_t(grid.nz));
+    marram::parallel_for(0, grid.nz, [&](int j) {
+        for (int i = 0; i < grid.nx; ++i) {
+            double sum = 0.0;
+            for (int b = 0; b < square; ++b)
+                for (int a = 0; a < square; ++a)
+                    sum += fields.height(domain.index(i * square + a, j * square + b));
+            grid.heights[grid.index(i, j)] = float(sum / (square * square));
+        }
+    });
+    return grid;
+}
+
 class MaskLayer : public TerrainLayer {
   public:
-    explicit MaskLayer(const LayerContext& context) : domain_(context.domain) {
+    explicit MaskLayer(const LayerContext& context)
+        : domain_(context.domain), wind_(context.wind), above_(context.values.number("above")) {
         const LayerValues& values = context.values;
         name_ = name_of_mask(values);
         by_ = mask_by(values.text("by"));
@@ -95,24 +121,50 @@ class MaskLayer : public TerrainLayer {
     Writes writes() const override { return {}; }
     std::vector<std::string> mask_names() const override { return {name_}; }
     double reach() const override {
+        if (by_ == MaskBy::air) return infinity;
         return by_ == MaskBy::slope || by_ == MaskBy::curvature ? domain_.cell : 0.0;
+    }
+
+    bool evaluate_whole(const Fields& below, const LayerOutput& out,
+                        const std::function<bool()>& cancelled) const override {
+        GroundAir air(air_grid(domain_, below));
+        const GroundAir::At at = air.at({wind_.x(), 0.0, wind_.y()}, false);
+        if (cancelled && cancelled()) return false;
+        const HeightGrid& grid = air.ground();
+        const float* times = factor_mask_.empty() ? nullptr : find_mask(below, factor_mask_);
+        marram::parallel_for(0, domain_.nz, [&](int j) {
+            // Samples outside the averaged ones take the nearest.
+            const double z = std::clamp(domain_.z(j), grid.z0, grid.z0 + (grid.nz - 1) * grid.cell);
+            for (int i = 0; i < domain_.nx; i += lanes) {
+                VDouble x, speed = splat(1.0);
+                for (int lane = 0; lane < lanes; ++lane)
+                    x[lane] = std::clamp(domain_.x(std::min(i + lane, domain_.nx - 1)), grid.x0,
+                                         grid.x0 + (grid.nx - 1) * grid.cell);
+                if (at.air) speed = speed_over_ground(at, x, splat(z), above_);
+                for (int lane = 0; lane < std::min(lanes, domain_.nx - i); ++lane)
+                    put(i + lane, j, speed[lane], times, out);
+            }
+        });
+        return true;
     }
 
     void evaluate(const Rect& rect, const Fields& below, const LayerOutput& out) const override {
         const float* of = by_ == MaskBy::mask ? find_mask(below, source_mask_) : nullptr;
         const float* times = factor_mask_.empty() ? nullptr : find_mask(below, factor_mask_);
-        const auto put = [&](int i, int j, double value) {
-            const size_t sample = domain_.index(i, j);
-            const double mask = std::clamp(ramp_(value), 0.0, 1.0);
-            out.masks[0][sample] = float(times ? mask * double(times[sample]) : mask);
-        };
-        if (by_ == MaskBy::distance) return measure_distances(rect, segments_near(rect), put);
+        const auto put_here = [&](int i, int j, double value) { put(i, j, value, times, out); };
+        if (by_ == MaskBy::distance) return measure_distances(rect, segments_near(rect), put_here);
         for (int j = rect.j0; j < rect.j1; ++j)
             for (int i = rect.i0; i < rect.i1; ++i)
-                put(i, j, of ? double(of[domain_.index(i, j)]) : measure(i, j, below));
+                put_here(i, j, of ? double(of[domain_.index(i, j)]) : measure(i, j, below));
     }
 
   private:
+    void put(int i, int j, double value, const float* times, const LayerOutput& out) const {
+        const size_t sample = domain_.index(i, j);
+        const double mask = std::clamp(ramp_(value), 0.0, 1.0);
+        out.masks[0][sample] = float(times ? mask * double(times[sample]) : mask);
+    }
+
     void read_curves(const std::vector<DrawnCurve>& curves) {
         for (const DrawnCurve& curve : curves) {
             const size_t count = curve.points.size();
@@ -245,11 +297,15 @@ class MaskLayer : public TerrainLayer {
         case MaskBy::mask:
         case MaskBy::distance:
             break; // handled in evaluate()
+        case MaskBy::air:
+            break; // in evaluate_whole()
         }
         return 0.0;
     }
 
     Domain domain_;
+    Vec2d wind_;
+    double above_; // m
     std::string name_, source_mask_, factor_mask_;
     MaskBy by_;
     Ramp ramp_;
@@ -260,12 +316,14 @@ class MaskLayer : public TerrainLayer {
 };
 
 constexpr std::array mask_params = {
-    param::choice("by", "", "height|sand|slope|curvature|mask|image|distance|noise", "input of the ramp"),
-    param::ramp("ramp", "", "[[0, 0], [1, 1]]", -1e9, 1e9, "m, deg, 1/m or 0 to 1 -> the mask"),
+    param::choice("by", "", "height|sand|slope|curvature|mask|image|distance|noise|air", "input of the ramp"),
+    param::ramp("ramp", "", "[[0, 0], [1, 1]]", -1e9, 1e9,
+                "m, deg, 1/m, 0 to 1 or relative speed -> the mask"),
     param::text("of", "none", "the mask, by mask"),
     param::image("file", "none", "", "the image, by image"),
     param::curves("along", "none", "the curves, by distance"),
     param::number("wavelength", "m", "5", 1e-3, 1e6, "by noise: of the coarsest octave"),
+    param::number("above", "m", "0.3", 0, 1e4, "by air: height above the ground"),
     param::integer("octaves", "", "3", 1, 16, "by noise: each half as long as the one before"),
     param::integer("seed", "", "0", 0, 1e9, "by noise: random seed"),
     param::text("mask", "none", "name of a mask that it is multiplied by"),

@@ -88,6 +88,8 @@ class Procedural {
     // Of the files that its values name; one line each.
     const std::vector<std::string>& file_warnings() const { return file_warnings_; }
     std::vector<std::string> take_common_warnings(); // see MARRAM_COMMON_WARNING
+    // That its values name. Files are shared: by procedurals, too.
+    const std::vector<std::shared_ptr<const VolumeValue>>& volumes() const { return volumes_; }
     // Takes the values of another description of the same procedural. `inputs` (MarramChange): what has
     // changed of the geometry that it depends on. Returns what has changed of its output. A procedural that
     // cannot update is created anew.

@@ -70,7 +70,8 @@ nlohmann::ordered_json to_json(const FrameStats& stats) {
     json["chosen"] = build.chosen;                                      // settings chosen by the tolerance
     json["memory"] = {{"peak_bytes", uint64_t(usage.ru_maxrss) * 1024}, // of the process so far
                       {"curve_bytes", build.curve_bytes},
-                      {"curve_extra_bytes", build.attribute_bytes}};
+                      {"curve_extra_bytes", build.attribute_bytes},
+                      {"volume_bytes", build.volume_bytes}};
     json["rays"] = stats.render.rays.intersect + stats.render.rays.occluded;
     json["dropped_rays"] = stats.render.rays.invalid;
     json["samples"] = {{"most", stats.render.max_samples}, {"mean", stats.render.mean_samples}}; // per pixel

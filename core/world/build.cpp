@@ -2,6 +2,7 @@
 #include "core/world/build.h"
 
 #include "core/host/geometry_graph.h"
+#include "core/host/volume_value.h"
 #include "core/math/digest.h"
 #include "core/trace/round_pieces.h"
 #include "core/world/build_state.h"
@@ -9,6 +10,7 @@
 #include <algorithm>
 #include <bit>
 #include <numeric>
+#include <set>
 #include <utility>
 
 namespace marram {
@@ -38,6 +40,17 @@ uint64_t digest_of(const Build& build, const Procedural& procedural) {
     return digest.value();
 }
 
+// Of all velocities that procedurals hold; a file that several hold counts once.
+uint64_t volume_bytes(const SceneGeometry& geometry) {
+    std::set<const VelocityGrid*> files;
+    for (const auto& procedural : geometry.procedurals)
+        for (const auto& volume : procedural->volumes())
+            for (const auto& file : volume->files) files.insert(file.get());
+    uint64_t bytes = 0;
+    for (const VelocityGrid* file : files) bytes += file->values.size() * sizeof(float);
+    return bytes;
+}
+
 // Makes meshes and procedurals in dependency order. Without `with_curves`, curves that nothing depends on are
 // not made; only their number of motion keys is found.
 void make_all(Build& build, bool with_curves) {
@@ -48,6 +61,7 @@ void make_all(Build& build, bool with_curves) {
     for (const auto& procedural : build.geometry.procedurals)
         build.stats.report.declare(procedural->library().report_entries());
     build.stats.colliders += wall_seconds() - begin;
+    build.stats.volume_bytes = volume_bytes(build.geometry);
     for (const size_t i : order_of(build.geometry.procedurals)) {
         Procedural& procedural = *build.geometry.procedurals[i];
         if (procedural.kind() == MARRAM_MESH) {

@@ -93,6 +93,7 @@ struct BuildStats {
     uint64_t curves = 0, cvs = 0, segments = 0, triangles = 0;
     uint64_t curve_bytes = 0;     // vertices, normals, indices, primitives of parts
     uint64_t attribute_bytes = 0; // of curves
+    uint64_t volume_bytes = 0;    // of velocities, all files of sequences
     std::vector<std::string> warnings;
     std::vector<Box3f> patch_bounds; // as declared by the procedurals, in curve order
 };

@@ -100,6 +100,8 @@ std::string scene_summary(Shot& shot, const std::atomic<bool>& cancel) {
                         1e-6 * (double(stats.curve_bytes) * keys + double(stats.attribute_bytes) +
                                 stats.report("memory.curve_extra_bytes") + segments * bvh_bytes * keys),
                         keys);
+    if (stats.volume_bytes > 0)
+        text += fmt::format("velocities: {:.3g} MB\n", 1e-6 * double(stats.volume_bytes));
     text += fmt::format(
         "build: about {:.1f} s of one processor for the BVH, {:.2f} s of all of them for the strands\n",
         segments * bvh_seconds * (1.0 + 0.3 * (keys - 1.0)), strand_seconds(stats.report));

@@ -140,6 +140,7 @@ TEST_F(FieldScene, IsReadOnce) {
     TestScene scene(two);
     fs::remove(file("whirl.vdb"));
     EXPECT_FALSE(pose_of(scene, 1.0).empty());
+    EXPECT_EQ(scene.stats.volume_bytes, 16U * 8U * 16U * 12U);
 }
 
 // Procedurals in C take volumes, too.

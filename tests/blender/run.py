@@ -318,6 +318,181 @@ def test_wind_in_time(scene, folder):
     in_wind(scene)
 
 
+def animate(owner, path, values):
+    """values: by frame; Blender's curves between them are not straight."""
+    for frame, value in values.items():
+        setattr(owner, path, value)
+        owner.keyframe_insert(path, frame=frame)
+
+
+def lamp(name, kind, **values):
+    thing = bpy.data.objects.new(name, bpy.data.lights.new(name, kind))
+    for key, value in values.items():
+        setattr(thing.data if hasattr(thing.data, key) else thing, key, value)
+    bpy.context.scene.collection.objects.link(thing)
+    return thing
+
+
+def lit_scene():
+    """A camera whose lens changes, and lamps of all kinds: moved, turned, scaled, hidden, coloured, still."""
+    scene = scenes.empty((1, 5))
+    grey = scenes.material("grey", "ShaderNodeBsdfDiffuse", {"Color": (0.5, 0.5, 0.5, 1)})
+    scenes.add(bpy.ops.mesh.primitive_grid_add, "ground", grey, smooth=False, size=6)
+    scenes.add(bpy.ops.mesh.primitive_cube_add, "block", grey, smooth=False, size=0.6, location=(0, 0, 0.3))
+    scenes.plain_world(scene, (0.05, 0.05, 0.05))
+    camera = scenes.look(scene, (0, -4, 1.5), (0, 0, 0.4))
+    sharp = bpy.data.objects.new("sharp", None)
+    scene.collection.objects.link(sharp)
+    animate(camera, "location", {1: (0, -4, 1.5), 5: (0.4, -4, 1.5)})
+    animate(camera.data, "lens", {1: 50, 5: 30})
+    animate(sharp, "location", {1: (0, -1, 0.4), 5: (0.2, 2, 0.4)})
+    camera.data.dof.use_dof, camera.data.dof.focus_object = True, sharp
+    animate(camera.data.dof, "aperture_fstop", {1: 2.8, 5: 0.4})
+
+    sun = lamp("sun", "SUN", angle=0.1)
+    animate(sun, "rotation_euler", {1: (0.2, 0, 0), 5: (0.9, 0.3, 1.2)})
+    animate(sun.data, "energy", {1: 0.5, 5: 2})
+    jumps = lamp("jumps", "SUN", angle=0.1, energy=0.1)
+    animate(jumps, "rotation_euler", {3: (0, 0.1, 0), 4: (math.pi, 0.1, 0)})
+    panel = lamp("panel", "AREA", shape="RECTANGLE", energy=30)
+    animate(panel, "location", {1: (-1, -1, 2), 5: (1, -1.5, 1.5)})
+    animate(panel, "rotation_euler", {1: (0.3, 0, 0), 5: (0.8, 0.4, 0.5)})
+    animate(panel, "scale", {1: (1, 1, 1), 5: (2, 1, 1)})
+    animate(panel.data, "size", {1: 0.5, 5: 1})
+    animate(panel.data, "color", {1: (1, 1, 1), 5: (1, 0.5, 0.2)})
+    panel.data.size_y = 0.3
+    lamp("still", "POINT", energy=10, shadow_soft_size=0.2, location=(1.5, 0, 1))
+    moon = lamp("moon", "AREA", shape="DISK", size=0.4, energy=5)
+    animate(moon, "location", {1: (0, 1, 1), 5: (0.7, 0.8, 1)})
+    animate(moon, "rotation_euler", {1: (0.3, 0, 0), 5: (0, 0.3, 0)})
+    bulb = lamp("bulb", "POINT", energy=20, shadow_soft_size=0.1, parent=sharp, location=(-0.8, -1, 0.6))
+    animate(bulb, "hide_render", {1: True, 3: False, 5: True})  # seen later than the others, it comes last in every file
+    lamp("dark", "POINT", energy=0)
+    scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 64, 48, 100
+    scene.marram.samples = 16
+    return scene
+
+
+def tables_of(file):
+    with open(file, "rb") as stream:
+        told = tomllib.load(stream)
+    return told["camera"], {one["name"]: one for one in told["light"]}, {one["name"]: one for one in told["mesh"]}
+
+
+def at(value, frame):
+    """A number or vector of a scene file at a frame, in Blender's axes if it is a direction."""
+    if not isinstance(value, dict):
+        return np.array(value)
+    frames, values = [key[0] for key in value["keys"]], np.array([key[1] for key in value["keys"]], "f8").reshape(len(value["keys"]), -1)
+    if value.get("interpolation") == "constant":
+        return values[np.searchsorted(frames, frame, "right") - 1]
+    return np.array([np.interp(frame, frames, column) for column in values.T]).squeeze()
+
+
+def corners(folder, mesh, frame):
+    """The vertices of a mesh in a scene file at a frame that has a key, in Blender's axes."""
+    from mathutils import Euler, Matrix, Vector
+    content = (folder / mesh["file"]).read_bytes()
+    count = int(content.split(b"element vertex ")[1].split()[0])
+    points = np.frombuffer(content, "<f4", 3 * count, content.find(b"end_header\n") + 11).reshape(-1, 3)
+    if "transform" in mesh:
+        key = next(key for key in mesh["transform"]["keys"] if key["frame"] == frame)
+        turn = Euler([math.radians(angle) for angle in key["rotate"]], "XYZ")
+        matrix = Matrix.LocRotScale(Vector(key["translate"]), turn, Vector(key["scale"]))
+        points = np.array([matrix @ Vector(point) for point in points.tolist()])
+    return np.stack([points[:, 0], -points[:, 2], points[:, 1]], axis=1)
+
+
+def test_lamps_and_lens(folder):
+    """F-curves of lamps and of the camera's lens become keys; a frame alone has plain values."""
+    scene = lit_scene()
+    bpy.ops.marram.export(directory=str(folder), which="RANGE")
+    camera, lights, meshes = tables_of(folder / "scene.toml")
+    said = marram("info", folder / "scene.toml")
+    check("marram info accepts lamps and lens with keys", said.returncode == 0 and not said.stderr, said.stderr.strip())
+    worst = {}
+    for frame in range(1, 6):
+        scene.frame_set(frame)
+        for what, (a, b) in {**lens_pairs(scene, camera, frame), **lamp_pairs(folder, lights, meshes, frame)}.items():
+            worst[what] = max(worst.get(what, 0), float(np.abs(np.array(a) - np.array(b)).max() / max(1, np.abs(b).max())))
+    check("keys of camera and lamps are Blender's values at all frames", max(worst.values()) < 2e-6,
+          ", ".join(f"{what} {off:.2g}" for what, off in worst.items()))
+    check("a lamp that only moves has no other keys", isinstance(lights["moon light"]["radiance"], list) and "transform" in meshes["moon"])
+    check("what is constant has no keys", isinstance(lights["still light"]["radiance"], list) and "transform" not in meshes["still"]
+          and isinstance(lights["sun"]["angle"], float))
+    check("a lamp that is dark all along is left out", "dark" not in meshes and "dark light" not in lights)
+
+    scene.frame_set(3)
+    bpy.ops.marram.export(directory=str(folder / "alone"), which="CURRENT")
+    check("a frame alone has no keys", "keys" not in (folder / "alone/scene.toml").read_text())
+    pictures = []
+    for file in (folder / "scene.toml", folder / "alone/scene.toml"):
+        marram("render", file, "-o", file.with_suffix(".exr"), "--frame", 3, "--threads", 1)
+        pictures.append(picture(file.with_suffix(".exr"))[..., :3])
+    off = np.abs(pictures[0] - pictures[1]).mean() / pictures[1].mean()
+    check("and the same picture as in the range", off < 1e-3 and pictures[1].mean() > 0.02, f"{off:.3g} of its brightness {pictures[1].mean():.3g}")
+    alone = tables_of(folder / "alone/scene.toml")
+    scene.render.use_motion_blur = True
+    bpy.ops.marram.export(directory=str(folder / "blurred"), which="CURRENT")
+    scene.render.use_motion_blur = False
+    blurred = tables_of(folder / "blurred/scene.toml")
+    check("with motion blur only transforms have keys", blurred[1] == alone[1] and "transform" in blurred[2]["panel"] and all(
+        blurred[0][name] == alone[0][name] for name in ("fov", "focus", "lens_radius")))
+    test_lamp_notes(scene, folder)
+
+
+def lens_pairs(scene, told, frame):
+    """The exported value and Blender's, by name."""
+    graph = bpy.context.evaluated_depsgraph_get()
+    camera = scene.camera.evaluated_get(graph)
+    projection = camera.calc_matrix_camera(graph, x=64, y=48)
+    away = camera.matrix_world.inverted() @ bpy.data.objects["sharp"].evaluated_get(graph).matrix_world.translation
+    return {"fov": (1 / math.tan(math.radians(at(told["fov"], frame)) / 2), projection[1][1]),
+            "focus": (at(told["focus"], frame), -away.z),
+            "lens radius": (at(told["lens_radius"], frame) * 2000 * camera.data.dof.aperture_fstop, camera.data.lens)}
+
+
+def lamp_pairs(folder, lights, meshes, frame):
+    from mathutils import Vector
+    graph = bpy.context.evaluated_depsgraph_get()
+    sun, jumps, panel, bulb = (bpy.data.objects[name].evaluated_get(graph) for name in ("sun", "jumps", "panel", "bulb"))
+    pairs = {}
+    for thing in (sun, jumps):
+        towards = at(lights[thing.name]["direction"], frame)
+        pairs[f"{thing.name}'s direction"] = towards / np.linalg.norm(towards), np.array(thing.matrix_world.col[2].xyz)[[0, 2, 1]] * (1, 1, -1)
+    pairs["sun's irradiance"] = at(lights["sun"]["irradiance"], frame), sun.data.energy * np.array(sun.data.color)
+    half = Vector((panel.data.size / 2, panel.data.size_y / 2))
+    rim = np.array([panel.matrix_world @ Vector((x * half.x, y * half.y, 0)) for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))])
+    pairs["panel's corners"] = corners(folder, meshes["panel"], frame), rim
+    area = np.linalg.norm(np.cross(rim[1] - rim[0], rim[3] - rim[0]))
+    pairs["panel's power"] = 4 * area * at(lights["panel light"]["radiance"], frame), panel.data.energy * np.array(panel.data.color)
+    ball = corners(folder, meshes["bulb"], frame)
+    on = not bulb.hide_render
+    if on:  # while it is off it stays where it was
+        pairs["bulb's place"] = (ball.min(0) + ball.max(0)) / 2, np.array(bulb.matrix_world.translation)
+        pairs["bulb's size"] = ball[:, 2].max() - ball[:, 2].min(), 2 * bulb.data.shadow_soft_size
+    pairs["bulb is on"] = float(at(lights["bulb light"]["radiance"], frame).max() > 0), float(on)
+    return pairs
+
+
+def test_lamp_notes(scene, folder):
+    """One line a kind, with names."""
+    from marram_blender import export_scene
+    from marram_blender.notes import Notes
+    for name in ("still", "bulb"):
+        animate(bpy.data.lights[name], "type", {1: "POINT", 4: "SPOT"})
+    scene.camera.data.shift_x = 0.1
+    notes = Notes()
+
+    def goto(frame):
+        scene.frame_set(frame)
+        return bpy.context.evaluated_depsgraph_get()
+    export_scene.export(export_scene.Job(str(folder / "notes"), 1, 5, goto, rendered=False, notes=notes), scene)
+    lines = notes.lines()
+    check("what is not exported of lamps and lens is told once a kind", len(lines) == 2 and any("bulb" in line and "still" in line for line in lines)
+          and any("shift" in line for line in lines), "; ".join(lines))
+
+
 def test_world(scene, folder):
     """A sky of nodes is drawn by Cycles; its sun stands apart from it."""
     before = scene.world
@@ -442,6 +617,7 @@ def main():
         test_cycles(scene, folder)
         test_again(scene)
         test_faults(scene, folder / "wind")
+        test_lamps_and_lens(folder / "lit")
     if failures:
         raise RuntimeError(f"{len(failures)} of the add-on's checks failed: {'; '.join(failures)}")
     print("all checks passed")

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The camera: its motion over the frames, angle of view, lens and shutter."""
+"""The camera: its motion, angle of view and lens over the frames, and its shutter."""
 import math
 
 from mathutils import Vector
 
-from . import axes
+from . import axes, toml_text
 from .notes import ExportError
 
 
@@ -29,8 +29,11 @@ def shutter(scene) -> list[float]:
 class MovingCamera:
     def __init__(self, notes):
         self.notes = notes
-        self.frames, self.matrices, self.fovs, self.distances = [], [], [], []
-        self.lens_radius, self.name = 0.0, ""
+        self.frames, self.matrices = [], []
+        self.fovs: dict[int, float] = {}         # by frame, degrees
+        self.distances: dict[int, float] = {}    # metres, of the frames with depth of field
+        self.lens_radii: dict[int, float] = {}   # metres; 0 without depth of field
+        self.name = ""
 
     def add(self, frame: int, scene, depsgraph, size: tuple[int, int], unit: float):
         original = depsgraph.scene_eval.camera or scene.camera
@@ -44,10 +47,10 @@ class MovingCamera:
         self._note_what_is_missing(camera)
         self.frames.append(frame)
         self.matrices.append(thing.matrix_world.copy())
-        self.fovs.append(vertical_fov(camera, *size))
-        self.distances.append(_focus_distance(thing, camera, depsgraph) * unit if camera.dof.use_dof else None)
-        if len(self.frames) == 1 and camera.dof.use_dof:
-            self.lens_radius = 0.5 * camera.lens * 1e-3 / camera.dof.aperture_fstop * unit
+        self.fovs[frame] = math.degrees(vertical_fov(camera, *size))
+        self.lens_radii[frame] = 0.5 * camera.lens * 1e-3 / camera.dof.aperture_fstop * unit if camera.dof.use_dof else 0.0
+        if camera.dof.use_dof:
+            self.distances[frame] = _focus_distance(thing, camera, depsgraph) * unit
 
     def _note_what_is_missing(self, camera):
         if camera.shift_x or camera.shift_y:
@@ -55,14 +58,11 @@ class MovingCamera:
         if camera.dof.use_dof and (camera.dof.aperture_blades or camera.dof.aperture_ratio != 1):
             self.notes.add("the lens is a round disc", self.name)
 
-    def entry(self, shutter_times: list[float], nearest: float, unit: float) -> dict:
-        """The table [camera]. nearest: distance of the target in metres, if the camera has no focus distance."""
-        for what, values in (("angle of view", self.fovs), ("distance of focus", self.distances)):
-            if any(value != values[0] for value in values):
-                self.notes.add(f"the camera's {what} changes: it is that of frame {self.frames[0]} all along", self.name)
-        distance = self.distances[0]
+    def entry(self, shutter_times: list[float], nearest: float, unit: float, shot: range) -> dict:
+        """The table [camera]. nearest: distance of the target in metres, if the camera has no focus distance.
+        shot: its frames. Marram reads the angle of view and the lens at these, but the motion around them too."""
+        target = toml_text.held(self.distances, shot)[shot[0]] if self.distances else nearest
         moves = any(matrix != self.matrices[0] for matrix in self.matrices)
-        target, entry = distance or nearest, {}
         if moves:
             entry = {"position": [0, 0, 0], "target": [0, 0, -target], "transform": {"keys": self._keys(unit)}}
         else:
@@ -70,8 +70,15 @@ class MovingCamera:
             look = turn @ Vector((0, 0, -1))
             entry = {"position": axes.vector_to_marram(there), "target": axes.vector_to_marram(there + target * look),
                      "up": axes.vector_to_marram(turn @ Vector((0, 1, 0)))}
-        lens = {"lens_radius": self.lens_radius, "focus": distance} if distance and self.lens_radius > 0 else {}
-        return {**entry, "fov": math.degrees(self.fovs[0]), **lens, "shutter": shutter_times if any(shutter_times) else None}
+        return {**entry, "fov": toml_text.over_time(toml_text.held(self.fovs, shot)), **self._lens(shot),
+                "shutter": shutter_times if any(shutter_times) else None}
+
+    def _lens(self, shot: range) -> dict:
+        """Radius and focus. Frames without depth of field have the radius 0 and the focus of frames that have it."""
+        radii = toml_text.held(self.lens_radii, shot)
+        if not any(radii.values()):
+            return {}
+        return {"lens_radius": toml_text.over_time(radii), "focus": toml_text.over_time(toml_text.held(self.distances, shot))}
 
     def _keys(self, unit: float) -> list[dict]:
         """Keys of the transform. Cameras look along -z with y up in both programs: only world axes change."""

@@ -1,60 +1,108 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Lamps and the world. Lamps with a surface become mesh lights."""
+"""Lamps and the world. Lamps with a surface become mesh lights, which move as other meshes do."""
+import functools
 import math
-import os
 
 import numpy as np
 from mathutils import Matrix, Vector
 
-from . import axes, ply, world_image
+from . import axes, toml_text, world_image
 from .export_material import _source
+from .export_mesh import Surface
 
 # Radiance of a lamp of one watt with a surface of one square metre, as in Cycles.
 AREA_RADIANCE = 0.25
 POINT_RADIANCE = 0.25 / math.pi
 SPHERE_RINGS = 12
+LAMPS = {"SUN", "AREA", "POINT"}
+LEAST_SIZE = 1e-3  # of a lamp with a surface, in Blender's units
+MOST_TURN = math.radians(165)  # of a direction from key to key; Marram's limit is 170 degrees
 UNSEEN = {"collides": False, "shelters": False, "seen_by_camera": False}
 
 
-def lamp_entries(thing, matrix: Matrix, name: str, file: str, folder: str, unit: float, notes) -> tuple[list[dict], list[dict]]:
-    """The tables [[mesh]] and [[light]] of a lamp."""
-    lamp = thing.data
-    if lamp.use_nodes and lamp.node_tree and any(node.type not in ("OUTPUT_LIGHT", "EMISSION") for node in lamp.node_tree.nodes):
-        notes.add("nodes of lamps are not exported: colour and power are", name)
-    colour = [lamp.color[c] * lamp.energy for c in range(3)]
-    if max(colour) <= 0:
-        return [], []
-    if lamp.type == "SUN":
-        return [], [{"name": name, "type": "sun", "direction": axes.vector_to_marram(matrix.to_3x3() @ Vector((0, 0, 1))),
-                     "angle": math.degrees(lamp.angle), "irradiance": colour}]
-    if lamp.type == "AREA":
-        positions, triangles, area = _panel(lamp, matrix, unit)
-        radiance = AREA_RADIANCE / area
-    elif lamp.type == "POINT":
-        radius = max(lamp.shadow_soft_size, 1e-3)
-        positions, triangles = _sphere(radius)
-        positions = axes.to_marram(positions + np.array(matrix.translation), unit)
-        radiance = 4 * POINT_RADIANCE / _area(positions, triangles)  # same power as an exact sphere
-    else:
-        notes.add("spot lamps are not exported", name)
-        return [], []
-    ply.write_mesh(os.path.join(folder, file + ".ply"), positions, triangles)
-    mesh = {"name": name, "type": "file", "file": file + ".ply", "smooth": False, **UNSEEN}
-    return [mesh], [{"name": f"{name} light", "type": "mesh", "mesh": name, "radiance": [radiance * c for c in colour]}]
+class MovingLamp:
+    """A sun, an area lamp or a point lamp over the frames of an export. At frames that are not added it is off."""
+
+    def __init__(self, kind: str, name: str):
+        self.kind, self.name = kind, name
+        self.lights: dict[int, dict] = {}  # by frame: the values of its [[light]] that may change
+        self.places: dict[int, tuple[Surface, Matrix]] = {}  # by frame: its mesh, if it has one, and its transform
+
+    def add(self, frame: int, thing, matrix: Matrix, unit: float, notes):
+        """thing: the evaluated object."""
+        lamp = thing.data
+        if lamp.type != self.kind:
+            notes.add("lamps do not change their kind: it is off while it is of another", self.name)
+            return
+        if lamp.use_nodes and lamp.node_tree and any(node.type not in ("OUTPUT_LIGHT", "EMISSION") for node in lamp.node_tree.nodes):
+            notes.add("nodes of lamps are not exported: colour and power are", self.name)
+        colour = [max(lamp.color[c] * lamp.energy, 0.0) for c in range(3)]
+        if self.kind == "SUN":
+            towards = (matrix.to_3x3() @ Vector((0, 0, 1))).normalized()
+            self.lights[frame] = {"direction": axes.vector_to_marram(towards), "angle": math.degrees(lamp.angle), "irradiance": colour}
+            return
+        self.places[frame] = _panel(lamp, matrix) if self.kind == "AREA" else _ball(lamp, matrix)
+        radiance = _radiance(self.kind, *self.places[frame], unit)
+        self.lights[frame] = {"radiance": [radiance * c for c in colour]}
+
+    def entries(self, frames: range, shot: range, new_mesh) -> tuple[list[dict], list[dict]]:
+        """The tables [[mesh]] and [[light]]; none if the lamp is dark in all of the shot. Marram reads the values of a
+        light at the frames of the shot, but the motion of its mesh around them too. new_mesh(surface): a MovingMesh."""
+        power = "irradiance" if self.kind == "SUN" else "radiance"
+        lights = toml_text.held(self.lights, shot)
+        lights = {frame: now if frame in self.lights else {**now, power: [0.0] * 3} for frame, now in lights.items()}
+        if not any(max(now[power]) > 0 for now in lights.values()):
+            return [], []
+        values = {name: _over_time(name, {frame: now[name] for frame, now in lights.items()}) for name in lights[shot[0]]}
+        if self.kind == "SUN":
+            return [], [{"name": self.name, "type": "sun", **values}]
+        places = toml_text.held(self.places, frames)
+        mesh = new_mesh(places[frames[0]][0])
+        for frame, (surface, matrix) in places.items():
+            mesh.add(frame, surface, matrix)
+        return mesh.entries(), [{"name": f"{self.name} light", "type": "mesh", "mesh": self.name, **values}]
 
 
-def _panel(lamp, matrix: Matrix, unit: float):
-    """Points and triangles of a panel that emits along the lamp's -z, and its area in square metres."""
-    width, height = lamp.size, lamp.size_y if lamp.shape in ("RECTANGLE", "ELLIPSE") else lamp.size
+def _over_time(name: str, values: dict[int, object]):
+    """As toml_text.over_time(). A direction that jumps further than Marram turns it has a key at each frame and does not turn."""
+    keys = toml_text.over_time(values)
+    if name == "direction" and isinstance(keys, dict):
+        ways = [Vector(way) for _, way in keys["keys"]]
+        if any(a.angle(b, 0.0) > MOST_TURN for a, b in zip(ways, ways[1:])):
+            return {"keys": [[frame, values[frame]] for frame in sorted(values)], "interpolation": "constant"}
+    return keys
+
+
+def _flat_surface(points: np.ndarray, triangles: np.ndarray) -> Surface:
+    return Surface(points, np.empty((0, 3), "f4"), np.arange(len(points), dtype="i4"), np.empty((0, 2), "f4"), triangles,
+                   np.zeros(len(triangles), "i4"))
+
+
+def _panel(lamp, matrix: Matrix) -> tuple[Surface, Matrix]:
+    """A panel that emits along the lamp's -z, in its own space, and its transform to the world. The size is part of the
+    transform, which may have keys."""
     if lamp.shape in ("SQUARE", "RECTANGLE"):
         rim = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)], "f8")
     else:
         angles = np.arange(48) * (2 * math.pi / 48)
         rim = np.stack([np.cos(angles), np.sin(angles)], axis=1)
-    rim = rim * (0.5 * width, 0.5 * height)
-    points = axes.to_marram(axes.transformed(np.concatenate([rim, np.zeros((len(rim), 1))], axis=1), matrix), unit)
     fan = np.array([(0, k + 1, k) for k in range(1, len(rim) - 1)], "i4")
-    return points, fan, max(_area(points, fan), 1e-12)
+    sides = lamp.size, lamp.size_y if lamp.shape in ("RECTANGLE", "ELLIPSE") else lamp.size
+    width, height = (max(side, LEAST_SIZE) for side in sides)
+    points = np.concatenate([0.5 * rim, np.zeros((len(rim), 1))], axis=1)
+    return _flat_surface(points, fan), matrix @ Matrix.Diagonal((width, height, 1, 1))
+
+
+def _ball(lamp, matrix: Matrix) -> tuple[Surface, Matrix]:
+    """The same for a point lamp, which its object neither scales nor turns."""
+    radius = max(lamp.shadow_soft_size, LEAST_SIZE)
+    return _unit_sphere(), Matrix.Translation(matrix.translation) @ Matrix.Diagonal((radius, radius, radius, 1))
+
+
+def _radiance(kind: str, surface: Surface, matrix: Matrix, unit: float) -> float:
+    """Of a lamp of one watt. That of a point lamp gives its polyhedron the power of an exact sphere."""
+    area = max(_area(axes.transformed(surface.positions, matrix), surface.triangles) * unit**2, 1e-12)
+    return (AREA_RADIANCE if kind == "AREA" else 4 * POINT_RADIANCE) / area
 
 
 def _area(points, triangles) -> float:
@@ -62,11 +110,12 @@ def _area(points, triangles) -> float:
     return 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()
 
 
-def _sphere(radius: float):
-    """(vertices, triangles) in Blender's axes, facing outward."""
+@functools.cache
+def _unit_sphere() -> Surface:
+    """Facing outward."""
     rows, columns = SPHERE_RINGS, 2 * SPHERE_RINGS
     polar, around = np.meshgrid(np.linspace(0, math.pi, rows + 1), np.arange(columns) * (2 * math.pi / columns), indexing="ij")
-    points = radius * np.stack([np.sin(polar) * np.cos(around), np.sin(polar) * np.sin(around), np.cos(polar)], axis=-1)
+    points = np.stack([np.sin(polar) * np.cos(around), np.sin(polar) * np.sin(around), np.cos(polar)], axis=-1)
     triangles = []
     for i in range(rows):
         for j in range(columns):
@@ -75,7 +124,7 @@ def _sphere(radius: float):
                 triangles.append((a, a + columns, b))
             if i < rows - 1:
                 triangles.append((b, a + columns, b + columns))
-    return points.reshape(-1, 3), np.array(triangles, "i4")
+    return _flat_surface(points.reshape(-1, 3), np.array(triangles, "i4"))
 
 
 # ---- The world

@@ -13,7 +13,7 @@ import numpy as np
 from . import axes, toml_text
 from .export_camera import MovingCamera, shutter
 from .export_hair import MovingHair, curves_hair, particle_hair
-from .export_light import DARK, lamp_entries, world_entries
+from .export_light import DARK, LAMPS, UNSEEN, MovingLamp, world_entries
 from .export_material import Materials
 from .export_mesh import MovingMesh, is_open, read_surface
 from .import_strands import is_blown
@@ -74,7 +74,7 @@ class _Writer:
         self.camera = MovingCamera(job.notes)
         self.meshes: dict[tuple, MovingMesh] = {}
         self.grooms: dict[tuple, MovingHair] = {}
-        self.lamps: list[tuple[list, list]] = []
+        self.lamps: dict[tuple, MovingLamp] = {}
         self.world: list[dict] = [DARK]
         self.winds: dict[int, dict] = {}  # by frame
         self.files = 0
@@ -112,16 +112,25 @@ class _Writer:
             self._add_mesh(frame, key, thing, matrix, seen)
         elif thing.type == "CURVES":
             self._add_curves(frame, key, thing, matrix, seen)
-        elif thing.type == "LIGHT" and frame == self.job.first:
-            name = self._free_name(thing.name)
-            self.lamps.append(lamp_entries(thing, matrix, name, self._file(name), self.folder, self.unit, self.notes))
-            self._note_moving_lamp(thing)
+        elif thing.type == "LIGHT" and self.job.with_picture:
+            self._add_lamp(frame, key, thing, matrix)
         elif NOT_EXPORTED.get(thing.type):
             self.notes.add(NOT_EXPORTED[thing.type], thing.name)
 
-    def _note_moving_lamp(self, thing):
-        if self.job.last > self.job.first and (thing.original.animation_data or thing.original.data.animation_data):
-            self.notes.add(f"lamps do not move: it is as at frame {self.job.first} all along", thing.name)
+    def _add_lamp(self, frame, key, thing, matrix):
+        if key not in self.lamps:
+            if thing.data.type not in LAMPS:
+                self.notes.add("spot lamps are not exported", thing.name)
+                return
+            self.lamps[key] = MovingLamp(thing.data.type, self._free_name(thing.name))
+        self.lamps[key].add(frame, thing, matrix, self.unit, self.notes)
+
+    def _lamp_entries(self, lamp: MovingLamp) -> tuple[list[dict], list[dict]]:
+        return lamp.entries(range(self.job.first, self.job.last + 1), self._shot_frames(), lambda surface: MovingMesh(
+            lamp.name, self._file(lamp.name), self.folder, self.unit, self.notes, surface, UNSEEN, [None]))
+
+    def _shot_frames(self) -> range:
+        return range(self.shot[0], self.shot[1] + 1)
 
     def _add_mesh(self, frame, key, thing, matrix, seen):
         surface = read_surface(thing)
@@ -203,7 +212,7 @@ class _Writer:
     def write(self) -> str:
         meshes = [entry for mesh in self.meshes.values() for entry in mesh.entries()]
         lights = [light for mesh in self.meshes.values() for light in self._shining(mesh)]
-        for more_meshes, more_lights in self.lamps:
+        for more_meshes, more_lights in map(self._lamp_entries, self.lamps.values()):
             meshes += more_meshes
             lights += more_lights
         lights = lights + self.world if self.job.with_picture else [DARK]
@@ -257,7 +266,7 @@ class _Writer:
             return {"position": [0, 0, 1], "target": [0, 0, 0]}
         middles = [groom.hair.points.mean(axis=0) for groom in self.grooms.values()]
         distance = self.camera.distance_to(np.mean(middles, axis=0), self.unit) if middles else 0
-        return self.camera.entry(shutter(self.scene), distance if distance > 1e-2 else 1.0, self.unit)
+        return self.camera.entry(shutter(self.scene), distance if distance > 1e-2 else 1.0, self.unit, self._shot_frames())
 
     def _film(self) -> dict:
         cycles = getattr(self.scene, "cycles", None)

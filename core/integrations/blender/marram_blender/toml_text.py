@@ -27,18 +27,27 @@ def value_text(value) -> str:
     return str(single) if float(single) == number else repr(number)
 
 
+STRAIGHT = 1e-6  # relative to the largest number: what differs less is the same, or on a straight line
+
+
+def held(values: dict[int, object], frames) -> dict[int, object]:
+    """Values at all of the frames: a frame without one has that of the last frame before it, else that of the first."""
+    known = sorted(values)
+    return {frame: values[max((one for one in known if one <= frame), default=known[0])] for frame in frames}
+
+
 def over_time(values: dict[int, object]):
     """The value, if it is the same at all frames; else its keys, without those on the straight line between others."""
     frames = sorted(values)
     numbers = np.array([np.ravel(np.array(values[frame], dtype="f8")) for frame in frames])
-    if (numbers == numbers[0]).all():
+    if np.abs(numbers - numbers[0]).max() <= STRAIGHT * np.abs(numbers).max():
         return values[frames[0]]
     kept = [0]
     for i in range(1, len(frames) - 1):  # straight from the last kept to the next?
         a, b = kept[-1], i + 1
         shares = (np.array(frames[a:b + 1]) - frames[a]) / (frames[b] - frames[a])
         line = numbers[a] + shares[:, None] * (numbers[b] - numbers[a])
-        if np.abs(line - numbers[a:b + 1]).max() > 1e-6 * np.abs(numbers[a:b + 1]).max():
+        if np.abs(line - numbers[a:b + 1]).max() > STRAIGHT * np.abs(numbers[a:b + 1]).max():
             kept.append(i)
     return {"keys": [[frames[i], values[frames[i]]] for i in kept + [len(frames) - 1]]}
 

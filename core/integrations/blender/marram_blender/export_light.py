@@ -79,22 +79,15 @@ def _flat_surface(points: np.ndarray, triangles: np.ndarray) -> Surface:
 
 
 def _panel(lamp, matrix: Matrix) -> tuple[Surface, Matrix]:
-    """A panel that emits along the lamp's -z, in its own space, and its transform to the world. The size is part of the
-    transform, which may have keys."""
-    if lamp.shape in ("SQUARE", "RECTANGLE"):
-        rim = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)], "f8")
-    else:
-        angles = np.arange(48) * (2 * math.pi / 48)
-        rim = np.stack([np.cos(angles), np.sin(angles)], axis=1)
-    fan = np.array([(0, k + 1, k) for k in range(1, len(rim) - 1)], "i4")
+    """An area lamp's surface in its own space, and its transform to the world. The size is part of the transform, which
+    may have keys."""
     sides = lamp.size, lamp.size_y if lamp.shape in ("RECTANGLE", "ELLIPSE") else lamp.size
     width, height = (max(side, LEAST_SIZE) for side in sides)
-    points = np.concatenate([0.5 * rim, np.zeros((len(rim), 1))], axis=1)
-    return _flat_surface(points, fan), matrix @ Matrix.Diagonal((width, height, 1, 1))
+    return _unit_panel(lamp.shape in ("DISK", "ELLIPSE")), matrix @ Matrix.Diagonal((width, height, 1, 1))
 
 
 def _ball(lamp, matrix: Matrix) -> tuple[Surface, Matrix]:
-    """The same for a point lamp, which its object neither scales nor turns."""
+    """The same of a point lamp, which its object neither scales nor turns."""
     radius = max(lamp.shadow_soft_size, LEAST_SIZE)
     return _unit_sphere(), Matrix.Translation(matrix.translation) @ Matrix.Diagonal((radius, radius, radius, 1))
 
@@ -110,9 +103,20 @@ def _area(points, triangles) -> float:
     return 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()
 
 
+@functools.cache  # the same numbers at each frame: those of numpy may differ in their last bit from call to call
+def _unit_panel(is_round: bool) -> Surface:
+    """Facing along -z, 1 wide and high."""
+    rim = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)], "f8")
+    if is_round:
+        angles = np.arange(48) * (2 * math.pi / 48)
+        rim = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    fan = np.array([(0, k + 1, k) for k in range(1, len(rim) - 1)], "i4")
+    return _flat_surface(np.concatenate([0.5 * rim, np.zeros((len(rim), 1))], axis=1), fan)
+
+
 @functools.cache
 def _unit_sphere() -> Surface:
-    """Facing outward."""
+    """Facing outward, of radius 1."""
     rows, columns = SPHERE_RINGS, 2 * SPHERE_RINGS
     polar, around = np.meshgrid(np.linspace(0, math.pi, rows + 1), np.arange(columns) * (2 * math.pi / columns), indexing="ij")
     points = np.stack([np.sin(polar) * np.cos(around), np.sin(polar) * np.sin(around), np.cos(polar)], axis=-1)

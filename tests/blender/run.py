@@ -365,6 +365,11 @@ def lit_scene():
     moon = lamp("moon", "AREA", shape="DISK", size=0.4, energy=5)
     animate(moon, "location", {1: (0, 1, 1), 5: (0.7, 0.8, 1)})
     animate(moon, "rotation_euler", {1: (0.3, 0, 0), 5: (0, 0.3, 0)})
+    glow = lamp("glow", "POINT", energy=5, location=(-1.5, 0, 1))
+    glow.data.use_nodes = True
+    emission = glow.data.node_tree.nodes["Emission"].inputs
+    emission["Color"].default_value = (1, 0.5, 0.2, 1)
+    animate(emission["Strength"], "default_value", {1: 1, 5: 3})
     bulb = lamp("bulb", "POINT", energy=20, shadow_soft_size=0.1, parent=sharp, location=(-0.8, -1, 0.6))
     animate(bulb, "hide_render", {1: True, 3: False, 5: True})  # seen later than the others, it comes last in every file
     lamp("dark", "POINT", energy=0)
@@ -466,6 +471,9 @@ def lamp_pairs(folder, lights, meshes, frame):
     pairs["panel's corners"] = corners(folder, meshes["panel"], frame), rim
     area = np.linalg.norm(np.cross(rim[1] - rim[0], rim[3] - rim[0]))
     pairs["panel's power"] = 4 * area * at(lights["panel light"]["radiance"], frame), panel.data.energy * np.array(panel.data.color)
+    emission = bpy.data.objects["glow"].evaluated_get(graph).data.node_tree.nodes["Emission"].inputs
+    shine, first = (at(lights["glow light"]["radiance"], one) for one in (frame, 1))
+    pairs["glow of nodes"] = shine / first[0], emission["Strength"].default_value * np.array(emission["Color"].default_value)[:3]
     ball = corners(folder, meshes["bulb"], frame)
     on = not bulb.hide_render
     if on:  # while it is off it stays where it was
@@ -482,6 +490,8 @@ def test_lamp_notes(scene, folder):
     for name in ("still", "bulb"):
         animate(bpy.data.lights[name], "type", {1: "POINT", 4: "SPOT"})
     scene.camera.data.shift_x = 0.1
+    tree = bpy.data.lights["glow"].node_tree
+    tree.links.new(tree.nodes.new("ShaderNodeLightFalloff").outputs[0], tree.nodes["Emission"].inputs["Strength"])
     notes = Notes()
 
     def goto(frame):
@@ -489,8 +499,8 @@ def test_lamp_notes(scene, folder):
         return bpy.context.evaluated_depsgraph_get()
     export_scene.export(export_scene.Job(str(folder / "notes"), 1, 5, goto, rendered=False, notes=notes), scene)
     lines = notes.lines()
-    check("what is not exported of lamps and lens is told once a kind", len(lines) == 2 and any("bulb" in line and "still" in line for line in lines)
-          and any("shift" in line for line in lines), "; ".join(lines))
+    check("what is not exported of lamps and lens is told once a kind", len(lines) == 3 and any("bulb" in line and "still" in line for line in lines)
+          and any("shift" in line for line in lines) and any("glow" in line for line in lines), "; ".join(lines))
 
 
 def test_world(scene, folder):

@@ -34,9 +34,7 @@ class MovingLamp:
         if lamp.type != self.kind:
             notes.add("lamps do not change their kind: it is off while it is of another", self.name)
             return
-        if lamp.use_nodes and lamp.node_tree and any(node.type not in ("OUTPUT_LIGHT", "EMISSION") for node in lamp.node_tree.nodes):
-            notes.add("nodes of lamps are not exported: colour and power are", self.name)
-        colour = [max(lamp.color[c] * lamp.energy, 0.0) for c in range(3)]
+        colour = _colour(lamp, self.name, notes)
         if self.kind == "SUN":
             towards = (matrix.to_3x3() @ Vector((0, 0, 1))).normalized()
             self.lights[frame] = {"direction": axes.vector_to_marram(towards), "angle": math.degrees(lamp.angle), "irradiance": colour}
@@ -61,6 +59,22 @@ class MovingLamp:
         for frame, (surface, matrix) in places.items():
             mesh.add(frame, surface, matrix)
         return mesh.entries(), [{"name": f"{self.name} light", "type": "mesh", "mesh": self.name, **values}]
+
+
+def _colour(lamp, name: str, notes) -> list[float]:
+    """Colour and strength of the lamp, and of the Emission of its nodes."""
+    factor = [1.0] * 3
+    if lamp.use_nodes and lamp.node_tree:
+        output = lamp.node_tree.get_output_node("CYCLES")
+        node = _source(output.inputs["Surface"]) if output else None
+        if node is None:
+            return [0.0] * 3
+        if node.type != "EMISSION" or any(socket.is_linked for socket in node.inputs):
+            notes.add("of the nodes of lamps only Emission is exported, without what is linked to it", name)
+        if node.type == "EMISSION":
+            tint, strength = (None if node.inputs[one].is_linked else node.inputs[one].default_value for one in ("Color", "Strength"))
+            factor = [(tint[c] if tint else 1.0) * (1.0 if strength is None else strength) for c in range(3)]
+    return [max(lamp.color[c] * lamp.energy * factor[c], 0.0) for c in range(3)]
 
 
 def _over_time(name: str, values: dict[int, object]):

@@ -490,6 +490,8 @@ def test_lamp_notes(scene, folder):
     for name in ("still", "bulb"):
         animate(bpy.data.lights[name], "type", {1: "POINT", 4: "SPOT"})
     scene.camera.data.shift_x = 0.1
+    colour = bpy.data.materials["grey"].node_tree.nodes["Diffuse BSDF"].inputs["Color"]
+    animate(colour, "default_value", {1: (0.5, 0.5, 0.5, 1), 5: (1, 0, 0, 1)})
     tree = bpy.data.lights["glow"].node_tree
     tree.links.new(tree.nodes.new("ShaderNodeLightFalloff").outputs[0], tree.nodes["Emission"].inputs["Strength"])
     notes = Notes()
@@ -499,8 +501,9 @@ def test_lamp_notes(scene, folder):
         return bpy.context.evaluated_depsgraph_get()
     export_scene.export(export_scene.Job(str(folder / "notes"), 1, 5, goto, rendered=False, notes=notes), scene)
     lines = notes.lines()
-    check("what is not exported of lamps and lens is told once a kind", len(lines) == 3 and any("bulb" in line and "still" in line for line in lines)
-          and any("shift" in line for line in lines) and any("glow" in line for line in lines), "; ".join(lines))
+    check("what is not exported of lamps, lens and materials is told once a kind", len(lines) == 4 and all(
+        any(all(word in line for word in words) for line in lines) for words in (("bulb", "still"), ("shift",), ("glow",), ("grey",))),
+        "; ".join(lines))
 
 
 def test_world(scene, folder):

@@ -37,6 +37,7 @@ class Materials:
         self.folder, self.notes = folder, notes
         self.entries: list[dict] = []
         self.radiance: dict[str, list[float]] = {}  # of emitters, by material name in the scene
+        self.animated: list[str] = []  # names in Blender
         self._names: dict[tuple, str] = {}
 
     def name_for(self, material, on_strands: bool) -> str:
@@ -47,6 +48,8 @@ class Materials:
             self.radiance[entry["name"]] = entry.pop("radiance", None)
             self.entries.append(entry)
             self._names[key] = entry["name"]
+            if material and any(_is_animated(owner) for owner in (material.original, material.original.node_tree)):
+                self.animated.append(material.name)
         return self._names[key]
 
     def _free_name(self, material, on_strands: bool) -> str:
@@ -68,6 +71,11 @@ class Materials:
             self.notes.add("displacement is not exported", material.name)
         node = _source(output.inputs["Surface"]) if output else None
         return _Shader(self, material.name, on_strands).entry(node)
+
+
+def _is_animated(owner) -> bool:
+    data = owner.animation_data if owner else None
+    return bool(data and (data.action or data.drivers or data.nla_tracks))
 
 
 def _source(socket):

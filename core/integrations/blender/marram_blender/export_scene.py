@@ -247,6 +247,8 @@ class _Writer:
                     self.notes.add(f"does not change over the frames: {', '.join(sorted(set(constant)))}", owner.name)
                 if owner != self.scene and paths and self.shot[1] > self.shot[0]:
                     self.notes.add(f"the world does not change: it is as at frame {self.shot[0]}", self.scene.world.name)
+        for material in self.materials.animated if self.job.with_picture and self.job.last > self.job.first else ():
+            self.notes.add(f"materials do not change: it is as at frame {self.job.first}", material)
         render = self.scene.render
         if render.use_border:
             self.notes.add("the render region is not exported: the whole picture is rendered", self.scene.name)

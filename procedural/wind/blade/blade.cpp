@@ -240,7 +240,7 @@ namespace {
 struct BladeLoads {
     WideVector<VFloat> rigidity, drag, weight; // [cvs], [cvs - 1], [cvs - 1]
     WideVector<Wide3f> wind;                   // [cvs - 1]
-    WideVector<VDouble> arc;                   // [cvs]
+    WideVector<VDouble> arc, middle;           // [cvs], [cvs - 1]: arc length at CVs, at middles of segments
 };
 
 MARRAM_HOT void blade_loads(const Blade& blade, const VFloat* envelope, const Wide3f* noise, double amplitude,
@@ -257,23 +257,25 @@ MARRAM_HOT void blade_loads(const Blade& blade, const VFloat* envelope, const Wi
         loads.rigidity[size_t(k)] =
             to_float(rigidity * evaluate(blade.taper, loads.arc[size_t(k)] * per_length));
     for (int k = 0; k + 1 < cvs; ++k) {
-        const VDouble middle = (loads.arc[size_t(k)] + loads.arc[size_t(k) + 1]) * (0.5 * per_length);
+        const VDouble middle = loads.middle[size_t(k)] * per_length;
         loads.drag[size_t(k)] = to_float(half_drag * evaluate(blade.width_profile, middle));
         loads.weight[size_t(k)] = to_float(mass * evaluate(blade.mass_taper, middle));
         const VDouble speed =
             (to_double(envelope[k]) + to_double(envelope[k + 1])) * (0.5 * blade_response_speed);
         Wide3d w = direction[0];
         if (at_cvs) w = (direction[k] + direction[k + 1]) * splat(0.5);
-        if (noise) w = w + (to_double(noise[k]) + to_double(noise[k + 1])) * splat(0.5 * amplitude);
+        if (noise) w = w + to_double(noise[k]) * splat(amplitude);
         loads.wind[size_t(k)] = to_float(w * speed);
     }
 }
 
-MARRAM_HOT void blade_arc(const Wide3f* rest, int cvs, VDouble* arc) {
+MARRAM_HOT void blade_arc(const Wide3f* rest, int cvs, VDouble* arc, VDouble* middle) {
     arc[0] = VDouble{};
     for (int k = 0; k + 1 < cvs; ++k) {
         const Wide3d d = to_double(rest[k + 1]) - to_double(rest[k]);
-        arc[k + 1] = arc[k] + vsqrt(dot(d, d));
+        const VDouble length = vsqrt(dot(d, d));
+        middle[k] = arc[k] + length * 0.5;
+        arc[k + 1] = arc[k] + length;
     }
 }
 
@@ -302,14 +304,16 @@ uint64_t bend_blades(const Wind& wind, const Blade& blade, double frame, double 
     loads.weight.resize(size_t(cvs));
     loads.wind.resize(size_t(cvs));
     loads.arc.resize(size_t(cvs));
+    loads.middle.resize(size_t(cvs));
     const bool noisy = wind.noise_amplitude > 0.0;
     const NoiseTimes times = noise_times(wind, frame, fps);
     const Wide3d mean = splat3(wind.direction.data());
     uint64_t unsolved = 0;
     for (int i = 0; i < strands.blocks; ++i) {
         const size_t first = size_t(i) * size_t(cvs);
-        blade_arc(strands.rest.data() + first, cvs, loads.arc.data());
-        if (noisy) noise_along(wind, times, strands.noise_origin[size_t(i)], loads.arc.data(), cvs, strands);
+        blade_arc(strands.rest.data() + first, cvs, loads.arc.data(), loads.middle.data());
+        if (noisy)
+            noise_along(wind, times, strands.noise_origin[size_t(i)], loads.middle.data(), cvs - 1, strands);
         blade_loads(blade, strands.envelope.data() + first, noisy ? strands.values.data() : nullptr,
                     wind.noise_amplitude,
                     strands.wind_direction.empty() ? &mean : &strands.wind_direction[strands.wind_at(i, 0)],

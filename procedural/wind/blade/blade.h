@@ -7,7 +7,7 @@
 //     drag      1/2 air_density drag width |u_n| u_n        u_n: the part of the wind u that is normal to the strand
 //     weight    mass g, downwards
 //
-// with u = U (w + amplitude * noise): the wind's direction w and its noise as in bend.cpp, and the speed
+// with u = U (w + amplitude * noise) at the middle of each segment: w and noise as in bend.cpp, and the speed
 //
 //     U = speed * (calm + gusts) * (1 - shield * sheltered) * envelope
 //

@@ -58,10 +58,9 @@ double distance(const Wide3f& a, const Wide3f& b, int lane) {
 
 // The 99th percentile over the strands of the greatest distance between a CV of `fine`, which has `every`
 // times as many segments, and the point of the polygon of `coarse` at the same parameter.
-double polygon_error(const WideVector<Wide3f>& coarse, const WideVector<Wide3f>& fine, size_t strands,
-                     size_t segments, size_t every) {
+void add_polygon_errors(const WideVector<Wide3f>& coarse, const WideVector<Wide3f>& fine, size_t strands,
+                        size_t segments, size_t every, std::vector<double>& distances) {
     const size_t cvs = segments + 1, fine_cvs = segments * every + 1;
-    std::vector<double> distances;
     for (size_t i = 0; i < strands; ++i) {
         const Wide3f* a = coarse.data() + i / lanes * cvs;
         const Wide3f* b = fine.data() + i / lanes * fine_cvs;
@@ -73,6 +72,12 @@ double polygon_error(const WideVector<Wide3f>& coarse, const WideVector<Wide3f>&
         }
         distances.push_back(most);
     }
+}
+// Of 99 % of the strands.
+double polygon_error(const WideVector<Wide3f>& coarse, const WideVector<Wide3f>& fine, size_t strands,
+                     size_t segments, size_t every) {
+    std::vector<double> distances;
+    add_polygon_errors(coarse, fine, strands, segments, every, distances);
     return percentile_99(distances);
 }
 
@@ -283,7 +288,7 @@ Choice cvs_for(const PilotGroom& pilot) {
 }
 
 JigglePilot jiggle_pilot(const PilotGroom& pilot, double tolerance) {
-    const auto some = std::make_shared<const RootSample>(pilot, 400);
+    const auto some = std::make_shared<const RootSample>(pilot, max_jiggle_pilots);
     return {pilot.wind,
             pilot.frame,
             &pilot.skin,
@@ -302,46 +307,85 @@ JigglePilot jiggle_pilot(const PilotGroom& pilot, double tolerance) {
             pilot.groom.blade ? &*pilot.groom.blade : nullptr};
 }
 
-std::vector<double> jiggle_moments(const Wind& wind, double frame) {
-    constexpr double together = 16.0, before = 48.0; // frames
-    constexpr double within = 9.375;                 // within a step of every length
+JiggleMoments jiggle_moments(const Wind& wind, double frame) {
+    constexpr double together = 128.0, before = 48.0; // frames
+    constexpr double within = 9.375;                  // within a step of every length
     const double first = std::floor(frame / together) * together;
     const auto changes = [&](const KeyedWind::Track& track) {
         return track.keys.frames.front() < first + together && track.keys.frames.back() > first - before;
     };
-    if (!wind.keys || std::ranges::none_of(wind.keys->tracks, changes)) return {first + within};
-    return {first + within, first + 1.375, first + 5.375, first + 13.375, first + together};
+    JiggleMoments moments;
+    moments.alike = !(wind.keys && std::ranges::any_of(wind.keys->tracks, changes)) &&
+                    std::ranges::none_of(wind.fields, field_moves) &&
+                    (!wind.gusts || wind.gusts->controls.empty());
+    for (double moment = within; moment < together; moment += moments.alike ? 32.0 : 16.0)
+        moments.frames.push_back(first + moment);
+    return moments;
 }
 
-Choice jiggle_step_for(const JigglePilot& pilot, double moment, bool skin_moves) {
-    constexpr double shortest = 1.0 / 64.0, reference_step = 0.25;
+namespace {
+
+// Errors of steps of jiggle against a step of a quarter of a frame.
+class StepErrors {
+  public:
+    StepErrors(const JigglePilot& pilot, const JiggleMoments& moments)
+        : pilot_(pilot), alike_(moments.alike) {
+        strands_.irregular = pilot.irregular;
+        strands_.resize(int(pilot.count), pilot.cvs, false);
+        for (const double moment : moments.frames)
+            if (WideVector<Wide3f> fine = jiggled(pilot, moment, reference_step, strands_); !fine.empty())
+                moments_.push_back({moment, std::move(fine)});
+    }
+    double of(double step) {
+        std::vector<double> distances;
+        double most = 0.0;
+        for (const Moment& moment : moments_) {
+            const WideVector<Wide3f> coarse = jiggled(pilot_, moment.frame, step, strands_);
+            add_polygon_errors(coarse, moment.fine, pilot_.count, size_t(pilot_.cvs - 1), 1, distances);
+            if (alike_) continue;
+            most = std::max(most, percentile_99(distances));
+            distances.clear();
+        }
+        if (alike_) most = percentile_99(distances);
+        const double ratio = reference_step / step; // the error falls with the square of the step
+        return most / (1.0 - ratio * ratio);
+    }
+
+  private:
+    static constexpr double reference_step = 0.25;
+    struct Moment {
+        double frame;
+        WideVector<Wide3f> fine;
+    };
+    const JigglePilot& pilot_;
+    bool alike_;
+    Strands strands_;
+    std::vector<Moment> moments_;
+};
+
+} // namespace
+
+Choice jiggle_step_for(const JigglePilot& pilot, const JiggleMoments& moments, bool skin_moves) {
+    constexpr double shortest = 1.0 / 64.0;
     constexpr int64_t max_past_samples = 2048;
-    const double tolerance = pilot.tolerance;
     const Jiggle& jiggle = *pilot.wind.jiggle;
     const Choice default_choice{default_jiggle_step, true};
     if (skin_moves || pilot.count == 0 || !wind_moves(pilot.wind)) return default_choice;
     Jiggle other = jiggle;
     other.step = default_jiggle_step;
-    const JiggleWindow window =
-        jiggle_window(other, {&moment, 1}, pilot.frame.fps, 2.0 * pilot.length, pilot.tolerance);
-    if (window.empty()) return default_choice; // before jiggle.start_frame
-    int64_t past_samples = window.most_samples();
+    int64_t past_samples = 0;
+    for (const double moment : moments.frames) {
+        const JiggleWindow window =
+            jiggle_window(other, {&moment, 1}, pilot.frame.fps, 2.0 * pilot.length, pilot.tolerance);
+        if (!window.empty()) past_samples = std::max(past_samples, window.most_samples());
+    }
+    if (past_samples == 0) return default_choice; // all are before jiggle.start_frame
     if (past_samples * 2 > max_past_samples) return {default_jiggle_step, false};
-    Strands strands;
-    strands.irregular = pilot.irregular;
-    strands.resize(int(pilot.count), pilot.cvs, false);
-    const WideVector<Wide3f> fine = jiggled(pilot, moment, reference_step, strands);
-    // Error of a step. A step half as long has at most a quarter of the error.
-    const auto error_of = [&](double step) {
-        const WideVector<Wide3f> coarse = jiggled(pilot, moment, step, strands);
-        const double step_ratio = reference_step / step;
-        return polygon_error(coarse, fine, pilot.count, size_t(pilot.cvs - 1), 1) /
-               (1.0 - step_ratio * step_ratio);
-    };
-    double step = default_jiggle_step, error = error_of(step);
-    const auto enough = [&](double e) { return safety_factor * e <= tolerance; };
+    StepErrors errors(pilot, moments);
+    double step = default_jiggle_step, error = errors.of(step);
+    const auto enough = [&](double e) { return safety_factor * e <= pilot.tolerance; };
     while (!jiggle.start_frame && step < 2.0 && enough(error)) {
-        const double error_of_longer = error_of(2.0 * step);
+        const double error_of_longer = errors.of(2.0 * step);
         if (!enough(error_of_longer)) break;
         step *= 2.0;
         error = error_of_longer;
@@ -349,7 +393,7 @@ Choice jiggle_step_for(const JigglePilot& pilot, double moment, bool skin_moves)
     while (!enough(error)) {
         if (step <= shortest || past_samples * 2 > max_past_samples) return {step, false};
         step *= 0.5;
-        error *= 0.25;
+        error *= 0.25; // a step half as long has at most a quarter of the error
         past_samples *= 2;
     }
     return {step, true};

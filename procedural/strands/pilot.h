@@ -58,18 +58,25 @@ struct JigglePilot {
 
 JigglePilot jiggle_pilot(const PilotGroom& pilot, double tolerance);
 
-// The moments at which the step of jiggle is chosen for a frame: the same for every 16 frames, so that
-// neighbours have one step, and need not choose it again. One moment; five, of which the shortest step
-// counts, if the wind changes by keys within these frames or the 48 before: it may be calm at one of them.
-std::vector<double> jiggle_moments(const Wind& wind, double frame);
+// The moments at which the step of jiggle is chosen for a frame: the same for every 128 frames, so that
+// neighbours have one step: they need not choose it again, and go on from each other's states.
+struct JiggleMoments {
+    std::vector<double> frames;
+    // The wind differs by chance alone, and the 99th percentile is that of the strands of all moments. Else, if keys,
+    // fields or gusts by hand change it, each moment has its own, and the greatest counts: it may be calm at the
+    // others.
+    bool alike = true;
+};
+JiggleMoments jiggle_moments(const Wind& wind, double frame);
+inline constexpr size_t max_jiggle_pilots = 128; // at each moment
 
 // The step between samples of the past in frames: 1/64, 1/32, ... 2. Steps of 2, 1 and 1/2 are compared with
-// 1/4 at the moment; for finer ones the error is extrapolated with the square of the step, as where gusts
-// begin (between, it falls faster). At most 1/2 if jiggle has a start_frame, which is rounded down to a
-// whole number of steps. Not finer than a window of 2048 samples allows. On a moving skin always 1/2: its
-// motion is usually keyed at whole frames, and each trial would need new poses from the host. Cost: 400
-// strands, so that four of them are beyond the 99th percentile, over about 200 past samples.
-Choice jiggle_step_for(const JigglePilot& pilot, double moment, bool skin_moves);
+// 1/4; for finer ones the error is extrapolated with the square of the step, as where gusts begin (between, it
+// falls faster). At most 1/2 if jiggle has a start_frame, which is rounded down to a whole number of steps. Not
+// finer than a window of 2048 samples allows. On a moving skin always 1/2: its motion is usually keyed at whole
+// frames, and each trial would need new poses from the host. Cost: at each moment max_jiggle_pilots strands
+// over about 200 past samples.
+Choice jiggle_step_for(const JigglePilot& pilot, const JiggleMoments& moments, bool skin_moves);
 
 inline constexpr double default_jiggle_step = 0.5;
 

@@ -131,17 +131,12 @@ Choice StrandInstance::choose_step(double tolerance) {
     const double length = longest(); // before past transforms are known
     const bool moved = moves_in_window();
     const double rounded = std::exp2(0.125 * std::floor(8.0 * std::log2(tolerance)));
-    const std::vector<double> moments = jiggle_moments(wind, frame.times[0]);
-    const StepChoice::For now{moments.front(),     rounded, length, frame.fps, frame.bind_frame, min_cvs(),
-                              wind.noise.left_out, moved};
+    const JiggleMoments moments = jiggle_moments(wind, frame.times[0]);
+    const StepChoice::For now{moments.frames.front(), rounded, length, frame.fps, frame.bind_frame, min_cvs(),
+                              wind.noise.left_out,    moved};
     if (!step_choice || step_choice->made_for != now) {
         step_choice.reset();
-        Choice shortest{std::numeric_limits<double>::infinity(), true};
-        for (const double moment : moments) {
-            const Choice choice = jiggle_step_for(pilot(rounded), moment, moved);
-            shortest = {std::min(shortest.value, choice.value), shortest.enough && choice.enough};
-        }
-        step_choice = StepChoice{now, shortest};
+        step_choice = StepChoice{now, jiggle_step_for(pilot(rounded), moments, moved)};
     }
     return step_choice->choice;
 }

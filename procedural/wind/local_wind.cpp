@@ -47,15 +47,24 @@ MARRAM_INLINE Wide3d with_vortex(const FieldAt& at, const Wide3d& p, const Wide3
 
 MARRAM_INLINE Wide3d with_grid(const FieldAt& at, const Wide3d& p, const Wide3d& v) {
     const PlacedField& field = *at.field;
+    const bool staggered = field.velocities->staggered;
     Wide3d changed = v;
+    VDouble inside; // influence in the box
+    GridPlaces places;
+    bool reached = false;
     for (const SamplesAt& samples : at.grids) {
         if (!samples.samples) break;
-        const Wide3d x = rotated(samples.to_unit, p - splat3(samples.center.data()));
-        const VDouble t = largest(x);
-        if (!any(t < 1.0)) continue;
-        const VDouble share = influence(field, t) * samples.share;
-        const Wide3d world =
-            rotated(at.axes, velocities_at(*samples.samples, field.velocities->staggered, x));
+        if (!samples.in_the_same_box) {
+            const Wide3d x = rotated(samples.to_unit, p - splat3(samples.center.data()));
+            const VDouble t = largest(x);
+            reached = any(t < 1.0);
+            if (!reached) continue;
+            inside = influence(field, t);
+            places = grid_places(samples.samples->counts, staggered, x);
+        }
+        if (!reached) continue;
+        const VDouble share = inside * samples.share;
+        const Wide3d world = rotated(at.axes, velocities_at(*samples.samples, staggered, places));
         changed = changed + (field.replaces ? world - v : world) * share;
     }
     return changed;

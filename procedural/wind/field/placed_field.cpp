@@ -182,7 +182,11 @@ void place_samples(const Eigen::Affine3d& transform, double frame, FieldAt& at) 
         if (!of.to_unit.allFinite()) at.to_unit = of.to_unit; // no volume
     };
     add(at.grids[0], times.first, 1.0 - times.share);
-    if (times.share > 0.0) add(at.grids[1], times.second, times.share);
+    if (!(times.share > 0.0)) return;
+    add(at.grids[1], times.second, times.share);
+    const SamplesAt &first = at.grids[0], &second = at.grids[1];
+    at.grids[1].in_the_same_box = first.samples->counts == second.samples->counts &&
+                                  first.center == second.center && first.to_unit == second.to_unit;
 }
 
 } // namespace

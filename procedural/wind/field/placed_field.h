@@ -67,6 +67,7 @@ struct SamplesAt {
     double share = 1.0;                       // of the time
     Vec3d center = Vec3d::Zero();
     Eigen::Matrix3d to_unit = Eigen::Matrix3d::Identity(); // from the centre to |x_a| < 1 in its box
+    bool in_the_same_box = false;                          // and of as many samples as the one before
 };
 
 // A field at one time.

@@ -89,18 +89,32 @@ MARRAM_INLINE void trilinear(const float* values, const std::array<int, 3>& coun
     }
 }
 
-// Velocities of eight places x, in units of the box, in the axes of the file.
-MARRAM_INLINE Wide3d velocities_at(const VelocitySamples& grid, bool staggered, const Wide3d& x) {
-    const std::array<int, 3>& n = grid.counts;
+// The neighbours of eight places along the three axes.
+struct GridPlaces {
+    SamplePair x, y, z;
+    SamplePair face_x, face_y, face_z; // of the component along that axis, if the grid is staggered
+};
+// x: in units of the box.
+MARRAM_INLINE GridPlaces grid_places(const std::array<int, 3>& counts, bool staggered, const Wide3d& x) {
+    GridPlaces places{sample_pair(x.x, counts[0], 0.0), sample_pair(x.y, counts[1], 0.0),
+                      sample_pair(x.z, counts[2], 0.0)};
+    if (staggered) {
+        places.face_x = sample_pair(x.x, counts[0], -0.5);
+        places.face_y = sample_pair(x.y, counts[1], -0.5);
+        places.face_z = sample_pair(x.z, counts[2], -0.5);
+    }
+    return places;
+}
+
+// Velocities there, in the axes of the file.
+MARRAM_INLINE Wide3d velocities_at(const VelocitySamples& grid, bool staggered, const GridPlaces& at) {
     VFloat v[3];
     if (!staggered) {
-        trilinear<3, 3>(grid.values, n, sample_pair(x.x, n[0], 0.0), sample_pair(x.y, n[1], 0.0),
-                        sample_pair(x.z, n[2], 0.0), v);
+        trilinear<3, 3>(grid.values, grid.counts, at.x, at.y, at.z, v);
     } else {
-        for (int axis = 0; axis < 3; ++axis)
-            trilinear<1, 3>(grid.values + axis, n, sample_pair(x.x, n[0], axis == 0 ? -0.5 : 0.0),
-                            sample_pair(x.y, n[1], axis == 1 ? -0.5 : 0.0),
-                            sample_pair(x.z, n[2], axis == 2 ? -0.5 : 0.0), v + axis);
+        trilinear<1, 3>(grid.values, grid.counts, at.face_x, at.y, at.z, v);
+        trilinear<1, 3>(grid.values + 1, grid.counts, at.x, at.face_y, at.z, v + 1);
+        trilinear<1, 3>(grid.values + 2, grid.counts, at.x, at.y, at.face_z, v + 2);
     }
     return to_double(Wide3f{v[0], v[1], v[2]});
 }

@@ -6,8 +6,10 @@
 // Mesh. One vertex in each cell of eight voxels that the surface crosses, and one quad around each edge whose
 // ends have opposite signs (surface nets: S. Gibson, "Constrained Elastic Surface Nets", MICCAI 1998). A
 // vertex starts at the mean of the crossings of its cell's edges and is moved onto the surface by two Newton
-// steps along the gradient, within its cell. So a plane is flat to rounding at any angle to the grid, and a
-// sphere of radius R is within h^2 / (8 R). Normals are the gradient by central differences.
+// steps along the gradient, at least 0.02 h inside its cell, so that no triangle collapses: up to 0.035 h off the
+// surface, 0.004 h rms (build/rock_erosion mesh). A sphere of radius R is within h^2 / (8 R) besides.
+// Normals are the gradient by central differences. OpenVDB's volumeToMesh takes as long and lies closer, but
+// wear needs the vertex of each cell, and the same bits at any thread count.
 //
 // Wear. d(x) >= 0 is the depth in metres along the normal, given at the vertices, at most h per pass. A voxel
 // of the band takes d from its closest point on the surface, p = x - phi grad(phi): a mean of the vertices

@@ -4,11 +4,17 @@
 //     rock_erosion sphere              a sphere worn evenly: error and order
 //     rock_erosion planes              planes at angles to the grid
 //     rock_erosion parity              each level against the next finer one, smoothed
+//     rock_erosion mesh                meshes of level sets beside those of OpenVDB's volumeToMesh
 //     rock_erosion ventifact OUT [voxel]    writes OUT.0.obj, OUT.1.obj, ...: one per level
 //     rock_erosion yardang OUT [voxel]
+#include "core/math/clock.h"
 #include "procedural/erosion/erosion.h"
 #include "tests/unit/erosion/rock_shapes.h"
 
+#include <openvdb/tools/MeshToVolume.h>
+#include <openvdb/tools/VolumeToMesh.h>
+
+#include <algorithm>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
@@ -41,6 +47,68 @@ void print_planes() {
             std::printf("%8.3f %8.3f %10.5f %10.5f %10.5f\n", x, z, wear.mean / h, wear.least / h,
                         wear.greatest / h);
         }
+}
+
+// Meshes of one shape: seconds, medians of runs in turn, and the distance of the vertices from the shape in voxels.
+void print_meshes_of(const char* name, const LevelMesh& shape, double voxel,
+                     const std::function<double(const Vec3d&)>& distance) {
+    std::vector<openvdb::Vec3s> points;
+    std::vector<openvdb::Vec3I> faces;
+    for (size_t v = 0; v < shape.positions.size(); v += 3)
+        points.emplace_back(float(double(shape.positions[v]) / voxel),
+                            float(double(shape.positions[v + 1]) / voxel),
+                            float(double(shape.positions[v + 2]) / voxel));
+    for (size_t t = 0; t < shape.triangles.size(); t += 3)
+        faces.emplace_back(shape.triangles[t], shape.triangles[t + 1], shape.triangles[t + 2]);
+    const openvdb::tools::QuadAndTriangleDataAdapter<openvdb::Vec3s, openvdb::Vec3I> adapter(points, faces);
+    const auto grid = openvdb::tools::meshToVolume<openvdb::FloatGrid>(
+        adapter, *openvdb::math::Transform::createLinearTransform(1.0), 3.0F, 3.0F);
+    const LevelSet rock = LevelSet::from_mesh(shape.positions, shape.triangles, voxel);
+    struct Row {
+        std::vector<double> seconds;
+        double most = 0.0, squares = 0.0;
+        size_t count = 0;
+        void add(double d) { most = std::max(most, std::abs(d)), squares += d * d, ++count; }
+    } rows[2];
+    constexpr int runs = 7;
+    for (int run = 0; run < runs; ++run) {
+        LevelSet own = rock;
+        double start = wall_seconds();
+        const LevelMesh& mesh = own.mesh();
+        rows[0].seconds.push_back(wall_seconds() - start);
+        start = wall_seconds();
+        std::vector<openvdb::Vec3s> vertices;
+        std::vector<openvdb::Vec4I> quads;
+        openvdb::tools::volumeToMesh(*grid, vertices, quads);
+        rows[1].seconds.push_back(wall_seconds() - start);
+        if (run > 0) continue;
+        for (size_t v = 0; v < mesh.positions.size(); v += 3)
+            rows[0].add(distance({mesh.positions[v], mesh.positions[v + 1], mesh.positions[v + 2]}) / voxel);
+        for (const openvdb::Vec3s& p : vertices)
+            rows[1].add(distance(voxel * Vec3d(p.x(), p.y(), p.z())) / voxel);
+    }
+    for (Row& row : rows) {
+        std::ranges::sort(row.seconds);
+        std::printf("%8s %14s %9zu %9.3f %9.4f %9.4f\n", name, &row == rows ? "level set" : "volumeToMesh",
+                    row.count, row.seconds[runs / 2], std::sqrt(row.squares / double(row.count)), row.most);
+    }
+}
+
+void print_meshes() {
+    std::printf("%8s %14s %9s %9s %9s %9s   distances in voxels\n", "shape", "mesh", "vertices", "seconds",
+                "rms", "most");
+    const double h = 1.0 / 256.0;
+    print_meshes_of("sphere", rock_sphere(Vec3d::Zero(), 0.95, 600), h,
+                    [](const Vec3d& p) { return p.norm() - 0.95; });
+    const Eigen::Matrix3d turn =
+        (Eigen::AngleAxisd(0.37, Vec3d::UnitX()) * Eigen::AngleAxisd(0.61, Vec3d::UnitY()))
+            .toRotationMatrix();
+    print_meshes_of("planes", rock_box(Vec3d::Zero(), Vec3d::Constant(0.5), turn), h, [&](const Vec3d& p) {
+        const Vec3d q = (turn.transpose() * p).cwiseAbs();
+        Vec3d sorted = q;
+        std::ranges::sort(sorted);
+        return sorted[1] > 0.48 ? 0.0 : sorted[2] - 0.5; // not at the edges
+    });
 }
 
 struct RockDevice {
@@ -160,12 +228,14 @@ int main(int count, char** words) {
         print_planes();
     else if (what == "parity")
         print_parity();
+    else if (what == "mesh")
+        print_meshes();
     else if (what == "ventifact" && count > 2)
         show(ventifact(number(3, 0.004)), words[2]);
     else if (what == "yardang" && count > 2)
         show(yardang(number(3, 0.025)), words[2]);
     else
-        return std::printf("rock_erosion sphere | planes | parity | ventifact OUT "
+        return std::printf("rock_erosion sphere | planes | parity | mesh | ventifact OUT "
                            "[voxel] | yardang OUT [voxel]\n"),
                2;
     return 0;

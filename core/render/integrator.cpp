@@ -32,13 +32,18 @@ double clamp_indirect(Vec3f& indirect, float limit) {
     return before - luminance(indirect);
 }
 
-Ray camera_ray(const RenderContext& context, const Film& film, uint32_t x, uint32_t y,
+Crop crop_of(const RenderSettings& settings, const Film& film) {
+    return settings.crop.value_or(Crop{0, 0, film.width, film.height});
+}
+
+// x, y: of the picture.
+Ray camera_ray(const RenderContext& context, const Crop& crop, uint32_t x, uint32_t y,
                const Sampler& sampler) {
     const auto [film_x, film_y, lens_u, lens_v] = sampler.get_4d(0);
     const bool has_lens = context.camera.has_lens();
     const float time = !context.has_motion_blur ? 0.0F : has_lens ? sampler.get_4d(time_set)[0] : lens_u;
-    Ray ray = context.camera((x + 0.5 + context.filter(film_x)) / film.width,
-                             (y + 0.5 + context.filter(film_y)) / film.height, {lens_u, lens_v}, time);
+    Ray ray = context.camera((x + 0.5 + context.filter(film_x)) / crop.width,
+                             (y + 0.5 + context.filter(film_y)) / crop.height, {lens_u, lens_v}, time);
     ray.mask = MARRAM_SEEN_BY_CAMERA;
     return ray;
 }
@@ -64,11 +69,12 @@ void render_pixel(const RenderContext& context, uint32_t x, uint32_t y, uint32_t
     FilmPixel& pixel = film.pixel_states[pixel_index];
     pixel.samples += end - begin;
     double* sums = film.sums.data() + pixel_index * film.stride;
-    const uint64_t seed = pixel_seed(context.settings.seed, x, y);
+    const Crop crop = crop_of(context.settings, film);
+    const uint64_t seed = pixel_seed(context.settings.seed, crop.x + x, crop.y + y);
     for (uint32_t s = begin; s < end; ++s) {
         const Sampler sampler(seed, s);
         FirstHit first;
-        const Ray ray = camera_ray(context, film, x, y, sampler);
+        const Ray ray = camera_ray(context, crop, crop.x + x, crop.y + y, sampler);
         PathRadiance path = trace_path(context, ray, pixel.luminance_stddev, sampler, first, stats.rays);
         if ((path.direct + path.indirect).allFinite()) {
             pixel.clamped_luminance_sum += clamp_indirect(path.indirect, context.settings.indirect_clamp);
@@ -208,15 +214,16 @@ void render_passes(const RenderContext& context, Film& film, RenderStats& stats,
 RenderStats render(const World& world, const Lights& lights, std::span<const Material> materials,
                    const Camera& camera, const RenderSettings& settings, Film& film,
                    RenderProgress* progress) {
+    const Crop crop = crop_of(settings, film);
     RenderContext context{.world = world,
                           .lights = lights,
                           .materials = materials,
                           .settings = settings,
-                          .camera = CameraRays(camera, film.width, film.height),
+                          .camera = CameraRays(camera, crop.width, crop.height),
                           .filter = FilterSampler(settings.filter),
                           .has_motion_blur = world.times.size() > 1 || camera.poses.size() > 1,
                           .pixel_spread =
-                              static_cast<float>(2.0 * std::tan(0.5 * camera.vertical_fov) / film.height)};
+                              static_cast<float>(2.0 * std::tan(0.5 * camera.vertical_fov) / crop.height)};
     find_attributes(context, film);
     RenderStats stats;
     const uint64_t samples_before = count_samples(film).total;

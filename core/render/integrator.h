@@ -12,11 +12,18 @@
 
 #include <atomic>
 #include <functional>
+#include <optional>
 
 namespace marram {
 
 // Strategy for direct light. mis is for rendering; the other two are also unbiased and serve as checks.
 enum class Strategy { mis, light_sampling, bsdf_sampling };
+
+// A film that is part of a larger picture. Its pixels have the rays and random numbers that they have there.
+struct Crop {
+    uint32_t x = 0, y = 0;          // of the film's top left pixel in the picture
+    uint32_t width = 0, height = 0; // of the picture
+};
 
 struct RenderSettings {
     uint32_t samples = 64; // maximum samples per pixel
@@ -39,6 +46,9 @@ struct RenderSettings {
     uint64_t seed = 0; // use a different seed for each frame
     Strategy strategy = Strategy::mis;
     uint32_t tile = 16; // pixels; does not affect the result
+    // Only the film's part is traced. The first samples are those of the whole picture bit for bit; later,
+    // adaptive sampling and Russian roulette do not know the neighbours beyond the film's edges.
+    std::optional<Crop> crop;
 };
 
 // Progress of a render. cancel and samples_done may be read and written from any thread while render() runs.

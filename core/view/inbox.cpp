@@ -52,6 +52,17 @@ StrandsRequest strands_request(const json& message) {
     return request;
 }
 
+// A part of a picture of these sizes, at least a pixel of it.
+std::array<uint32_t, 4> crop_of(const json& part, uint32_t width, uint32_t height) {
+    if (!part.is_array() || part.size() != 4) throw Malformed{};
+    for (const json& one : part)
+        if (!one.is_number()) throw Malformed{};
+    const auto x = uint32_t(std::clamp(part[0].get<double>(), 0.0, width - 1.0));
+    const auto y = uint32_t(std::clamp(part[1].get<double>(), 0.0, height - 1.0));
+    return {x, y, uint32_t(std::clamp(part[2].get<double>(), 1.0, double(width - x))),
+            uint32_t(std::clamp(part[3].get<double>(), 1.0, double(height - y)))};
+}
+
 PictureRequest picture_request(const json& message) {
     const json& camera = message.at("camera");
     const json& size = message.at("size");
@@ -66,6 +77,7 @@ PictureRequest picture_request(const json& message) {
     request.fov = number(camera, "fov", 0.1, 170.0);
     request.width = uint32_t(std::clamp(size[0].get<double>(), 1.0, double(max_side)));
     request.height = uint32_t(std::clamp(size[1].get<double>(), 1.0, double(max_side)));
+    if (message.contains("crop")) request.crop = crop_of(message["crop"], request.width, request.height);
     request.layer = message.value("layer", "beauty");
     request.exposure = number(message, "exposure", -50.0, 50.0);
     request.samples = uint32_t(number(message, "samples", 1.0, 65536.0));

@@ -34,6 +34,8 @@ struct PictureRequest {
     Vec3d position = Vec3d::Zero(), target = -Vec3d::UnitZ(), up = Vec3d::UnitY();
     double fov = 40.0; // degrees, vertical
     uint32_t width = 480, height = 270;
+    std::optional<std::array<uint32_t, 4>>
+        crop{}; // traced alone: x, y from the top left, width, height; pixels
     std::string layer = "beauty";
     double exposure = 0.0; // stops
     uint32_t samples = 64;

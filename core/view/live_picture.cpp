@@ -81,7 +81,9 @@ class Levels {
 } // namespace
 
 LivePicture::LivePicture(ViewClient client, const PictureRequest& request, double share)
-    : client_(client), request_(request), share_(share), begin_(wall_seconds()) {}
+    : client_(client), request_(request),
+      part_(request.crop.value_or(std::array<uint32_t, 4>{0, 0, request.width, request.height})),
+      share_(share), begin_(wall_seconds()) {}
 
 void LivePicture::build(Shot& shot, KeptGeometry kept, const std::atomic<bool>& stop,
                         BuildProgress& progress) {
@@ -90,6 +92,7 @@ void LivePicture::build(Shot& shot, KeptGeometry kept, const std::atomic<bool>& 
     camera_ = camera_of(request_, shot);
     settings_ = render_settings(shot, request_.frame);
     settings_.samples = request_.samples;
+    settings_.crop = Crop{part_[0], part_[1], request_.width, request_.height};
     BuildSettings settings = settings_for(request_, shot, camera_);
     settings.share = share_;
     settings.widening = draft_widening;
@@ -100,7 +103,7 @@ void LivePicture::build(Shot& shot, KeptGeometry kept, const std::atomic<bool>& 
     settings.attributes = wanted_attributes(shot, layers);
     BuildStats stats;
     World world = build_world(shot.geometry, settings, stop, progress, stats, std::move(kept));
-    if (!film_) film_ = make_film(request_.width, request_.height, layers, world);
+    if (!film_) film_ = make_film(part_[2], part_[3], layers, world);
     world_ = std::move(world);
 }
 
@@ -122,14 +125,22 @@ bool LivePicture::work(Shot& shot, KeptGeometry kept, const std::atomic<bool>& s
 WireMessage LivePicture::message() const {
     const FilmLayer& layer = *find_layer(*film_, request_.layer);
     const Levels levels(layer, request_.exposure);
-    const uint32_t pixels = request_.width * request_.height, channels = layer.channels;
+    const uint32_t width = film_->width, height = film_->height, channels = layer.channels;
     WireMessage message;
-    message.header = {{"type", "image"},           {"seq", request_.seq},  {"width", request_.width},
-                      {"height", request_.height}, {"samples", samples()}, {"of", request_.samples},
+    message.header = {{"type", "image"},
+                      {"seq", request_.seq},
+                      {"width", width},
+                      {"height", height},
+                      {"x", part_[0]},
+                      {"y", part_[1]},
+                      {"of_width", request_.width},
+                      {"of_height", request_.height},
+                      {"samples", samples()},
+                      {"of", request_.samples},
                       {"seconds", seconds()}};
-    auto* const out = reinterpret_cast<uint8_t*>(message.at(message.add(4 * size_t(pixels))));
-    tbb::parallel_for(0U, request_.height, [&](uint32_t row) {
-        for (uint32_t i = row * request_.width; i < (row + 1) * request_.width; ++i) {
+    auto* const out = reinterpret_cast<uint8_t*>(message.at(message.add(4 * size_t(width) * height)));
+    tbb::parallel_for(0U, height, [&](uint32_t row) {
+        for (uint32_t i = row * width; i < (row + 1) * width; ++i) {
             for (uint32_t c = 0; c < 3; ++c)
                 out[4 * i + c] = c < channels || channels == 1
                                      ? levels(layer.values[size_t(i) * channels + std::min(c, channels - 1)])

@@ -9,6 +9,7 @@
 #include "core/view/wire.h"
 #include "core/world/build.h"
 
+#include <array>
 #include <functional>
 #include <optional>
 
@@ -28,7 +29,9 @@ class LivePicture {
     bool work(Shot& shot, KeptGeometry kept, const std::atomic<bool>& stop, BuildProgress& progress,
               const std::function<void()>& show);
 
-    WireMessage message() const;  // "image": RGBA, 8 bits, of the samples so far
+    // "image": RGBA, 8 bits, of the samples so far; width, height: of what is traced, which begins at x, y of
+    // a picture of of_width, of_height.
+    WireMessage message() const;
     double seconds() const;       // since it was asked for
     uint32_t samples() const;     // taken, of each pixel
     KeptGeometry take_geometry(); // frees the world; the samples stay
@@ -38,6 +41,7 @@ class LivePicture {
 
     ViewClient client_;
     PictureRequest request_;
+    std::array<uint32_t, 4> part_; // that is traced: x, y, width, height
     double share_, begin_;
     std::optional<World> world_;
     std::optional<Film> film_;

@@ -285,6 +285,15 @@ def test_rendering(view):
     view.page.drag("#live", (0.2, 0.6), (0.25, 0.6))
     check("a camera move begins anew", not view.js("marram.picture.done") and view.wait(f"marram.picture.done && marram.picture.images > {images}"))
     view.picture("compare")
+    view.page.key("A", "shift")
+    view.page.key("m")
+    view.page.drag("#tool_layer", (0.3, 0.4), (0.6, 0.7), steps=3)
+    traced = "(() => { const c = document.querySelector('#picture_b'), d = c.getContext('2d').getImageData(0, 0, c.width, c.height).data; let n = 0;" \
+             " for (let i = 3; i < d.length; i += 4) n += d[i] > 0; return n / (c.width * c.height); })()"
+    check("M and a drag: a part alone is traced", view.wait("marram.picture.done") and abs(view.js(traced) - 0.09) < 0.005, view.js(traced))
+    view.picture("crop")
+    view.page.key("m")
+    check("M again: the whole", view.wait("marram.picture.done") and view.js(traced) == 1)
     view.page.key("p")
     check("P places it beside", view.wait("marram.picture.done && document.querySelector('#picture').getBoundingClientRect().left > 100"))
     view.picture("beside")
@@ -292,6 +301,27 @@ def test_rendering(view):
     check("Escape goes back to the live view", view.js("document.querySelector('#picture').hidden"))
     view.page.key("c")
     view.settle()
+
+
+def test_focus(view):
+    view.settle()
+    view.view_focus()
+    at = view.js("(() => { const box = document.querySelector('#live').getBoundingClientRect(), p = new THREE.Vector3(0.4, 0, 0.5).project(marram.world.camera);"
+                 "return [(p.x + 1) / 2, (1 - p.y) / 2]; })()")
+    deep = view.js("new THREE.Vector3(0.4, 0.1, 0.5).sub(marram.world.camera.position).dot(marram.world.camera.getWorldDirection(new THREE.Vector3()))")
+    view.page.key("d")
+    view.page.click("#tool_layer", at=at)
+    check("D and a click: the camera focuses there", view.wait("marram.state.scene.changes.length === 1") and
+          deep - 0.9 < float(view.param("camera.focus")["value"]) < deep + 0.1, f"{view.param('camera.focus')['value']} {deep}")
+    check("told that the lens is a point", view.js("document.querySelector('#notice').textContent.includes('lens_radius is 0')"))
+    view.page.key("z", "ctrl")
+    check("which is undone", view.wait("marram.state.scene.changes.length === 0"))
+    view.page.key("d")
+    view.page.click("#tool_layer", at=(0.5, 0.02))
+    check("in the sky nothing is sharp", view.js("document.querySelector('#notice').textContent.startsWith('There is only sky')"))
+    view.page.key("d")
+    view.page.key("Escape")
+    check("Escape drops the tool", view.js("marram.tools.armed() === null && document.querySelector('#tool_layer').hidden"))
 
 
 def test_gusts(view):
@@ -376,7 +406,7 @@ def main():
             raise BrowserError("no address: " + program.process.stderr.read())
         with Browser() as browser:
             view = View(browser, program.address)
-            for test in (test_opening, test_playing, test_editing, test_searching, test_ramps, test_problems, test_camera, test_gusts, test_rendering):
+            for test in (test_opening, test_playing, test_editing, test_searching, test_ramps, test_problems, test_camera, test_focus, test_gusts, test_rendering):
                 begin = time.monotonic()
                 test(view)
                 print(f"  {time.monotonic() - begin:.1f} s", flush=True)

@@ -190,16 +190,16 @@
     changed() { ++revision; this.give('{"type":"problems","problems":[]}'); this.give(JSON.stringify(scene())); }
     render(request) {
       clearInterval(this.timer);
-      const [width, height] = request.size, pixels = new Uint8Array(4 * width * height), start = performance.now();
+      const [of_width, of_height] = request.size, [left, top, width, height] = request.crop || [0, 0, of_width, of_height], pixels = new Uint8Array(4 * width * height), start = performance.now();
       let samples = 0;
       this.timer = setInterval(() => {
         samples = Math.min(request.samples, samples ? 2 * samples : 1);
         for (let i = 0; i < width * height; ++i) {
-          const x = i % width / width, y = i / width / height, noise = 90 * (Math.random() - 0.5) / Math.sqrt(samples);
+          const x = (left + i % width) / of_width, y = (top + i / width) / of_height, noise = 90 * (Math.random() - 0.5) / Math.sqrt(samples);
           pixels.set([120 + 100 * x + noise, 140 - 60 * y + noise, 90 + 100 * (1 - x) * (1 - y) + noise, 255], 4 * i);
         }
         const seconds = (performance.now() - start) / 1000;
-        this.give(packed({type: "image", seq: request.seq, width, height, samples, of: request.samples, seconds}, [pixels]));
+        this.give(packed({type: "image", seq: request.seq, width, height, x: left, y: top, of_width, of_height, samples, of: request.samples, seconds}, [pixels]));
         if (samples === request.samples) { clearInterval(this.timer); this.give(JSON.stringify({type: "render_done", seq: request.seq, samples, seconds})); }
       }, 60);
     }

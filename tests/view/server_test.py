@@ -302,6 +302,10 @@ def pictures(folder, scene, address):
         check(f"layer {layer}", len(set(pixels)) > 1)
     page.send(seq=10, **{**picture, "samples": 1})
     whole = page.until("image", seq=10)[1]
+    page.send(seq=13, **{**picture, "samples": 1, "crop": [50, 20, 40, 30]})
+    header, part = page.until("image", seq=13)
+    rows = b"".join(whole[4 * (160 * y + 50):4 * (160 * y + 90)] for y in range(20, 50))
+    check("a part of a picture is that of the whole", part == rows and [header[k] for k in ("x", "y", "width", "height")] == [50, 20, 40, 30], header)
     page.send(seq=7, **{**picture, "samples": 1, "budget": 300})
     draft = page.until("image", seq=7)[1]
     far = sum(abs(a - b) for a, b in zip(draft, whole)) / len(whole)

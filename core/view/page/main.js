@@ -9,6 +9,7 @@ import {command, edits} from "./edits.js";
 import {start_values, next_value, take_range} from "./values.js";
 import {start_render, toggle, toggle_beside, keep_a, drop_a, set_mode, picture, start_book, turn_leaf, flip_book} from "./render.js";
 import {start_handles, handles, handle_keys, leave_handles} from "./handles.js";
+import {start_tools, toggle_crop, toggle_focus, disarm, tools} from "./tools.js";
 import {start_compass, compass} from "./compass.js";
 
 const help = {
@@ -18,6 +19,7 @@ const help = {
     ["C", "the camera of the scene"]],
   "Colours": [["V", "by an attribute: share of the wind, gusts, shelter, contacts; again: the next, at last the materials"]],
   "Picture": [["R", "path-traced picture over the view"], ["P", "picture beside the view"], ["A", "keep the picture as A, compare with B"], ["Shift A", "drop A"],
+    ["M", "trace a part alone: drag a rectangle; again: the whole"], ["D", "focus: click what is to be sharp"],
     ["B", "flip-book: all frames as pictures, then played"], ["Escape", "back to the live view"]],
   "Wind": [["W", "show or hide gusts and fields"], ["click", "select one; beside all: none"], ["1 2 3 or T E S", "move, turn, scale it"], ["K", "a key at this frame; then drag at another"],
     ["G", "new gust"], ["X or Delete", "delete"], ["Escape", "unselect, take a drag back"], ["dial", "drag turns the wind; Shift: its speed"]],
@@ -43,7 +45,8 @@ const keys = {
   v: event => next_value(event.shiftKey ? -1 : 1), b: start_book, l: () => byId("loop").click(), "/": () => { byId("search").focus(); byId("search").select(); },
   a: event => event.shiftKey ? drop_a() : keep_a(),
   ArrowLeft: event => { touch(); step(event.shiftKey ? -10 : -1); }, ArrowRight: event => { touch(); step(event.shiftKey ? 10 : 1); },
-  Escape: () => { if (!leave_handles() && picture.mode !== "off") set_mode("off"); },
+  m: toggle_crop, d: toggle_focus,
+  Escape: () => { if (!disarm() && !leave_handles() && picture.mode !== "off") set_mode("off"); },
   ...handle_keys,
 };
 
@@ -107,8 +110,9 @@ if (start_world()) {
   start_values();
   on("shown", header => take_range(header.values));
   start_handles();
+  start_tools();
   start_compass();
   connect();
   requestAnimationFrame(loop);
 }
-window.marram = {state, on, world, player, picture, flip_book, edits, handles, compass, options_text};   // for the console and for tests
+window.marram = {state, on, world, player, picture, flip_book, edits, handles, compass, tools, options_text};   // for the console and for tests

@@ -11,7 +11,8 @@ const max_width = 960, first_share = 4, first_samples = 4;
 const draft_strands = 40000;                 // of the first picture, which comes at once
 const max_book = 500e6;                      // bytes of a flip-book's pictures: else it leaves frames out
 
-export const picture = {mode: "off", samples: 0, of: 0, images: 0, done: false};   // mode: off, over, beside
+export const picture = {mode: "off", samples: 0, of: 0, images: 0, done: false,   // mode: off, over, beside
+  crop: null};   // the part that is traced: its left, top, right, bottom in shares of the picture; null: all
 let seq = 0, stage = 0, timer = 0, has_a = false, at = remembered("divider", 0.5), started = 0;
 const canvas_a = byId("picture_a"), canvas_b = byId("picture_b");
 
@@ -20,12 +21,28 @@ function size_of(share) {
   return [Math.max(16, Math.round(width / share)), Math.max(16, Math.round(width / share * box.clientHeight / Math.max(1, box.clientWidth)))];
 }
 
+// What a picture shows, but for its frame.
+function look_of(size, samples) {
+  const look = {camera: camera_message(), size, layer: byId("layer").value || "beauty", exposure: world.exposure, samples};
+  if (!picture.crop) return look;
+  const [left, top, right, bottom] = picture.crop.map((share, k) => share * size[k % 2]);
+  const x = Math.floor(left), y = Math.floor(top);
+  return {...look, crop: [x, y, Math.ceil(right) - x, Math.ceil(bottom) - y]};
+}
+const wanted_samples = () => Number(byId("samples").value);
+
+export function set_crop(part) {
+  picture.crop = part;
+  emit("crop");
+  again();
+}
+
 // ---- flip-book ----
 // {of: what its pictures show, frames: the frames that it takes, next: index of the one that is made, images: frame -> ImageBitmap}
 let book = null, leaf = null;   // leaf: the frame that is seen
 export const flip_book = {frames: () => book ? book.images.size : 0, done: () => !!book && book.next >= book.frames.length, seen: () => leaf};
 const making_book = () => !!book && book.next < book.frames.length;
-const what_is_seen = () => JSON.stringify([state.scene.revision, camera_message(), size_of(1), byId("layer").value, world.exposure, byId("samples").value]);
+const what_is_seen = () => JSON.stringify([state.scene.revision, look_of(size_of(1), wanted_samples())]);
 
 export function start_book() {
   if (!state.scene) return;
@@ -59,8 +76,7 @@ function show_book() {
 function next_leaf() {
   if (!making_book() || !state.connected) return;
   started = 1;
-  send({type: "render", seq: ++seq, frame: book.frames[book.next], camera: camera_message(), size: size_of(1), layer: byId("layer").value || "beauty",
-    exposure: world.exposure, samples: Number(byId("samples").value)});
+  send({type: "render", seq: ++seq, frame: book.frames[book.next], ...look_of(size_of(1), wanted_samples())});
 }
 async function take_leaf() {
   const own = book, frame = book.frames[book.next];
@@ -87,16 +103,17 @@ export function turn_leaf() {
   const frame = leaf_at(player.time);
   if (frame === leaf) return;
   leaf = frame;
-  canvas_b.getContext("2d").drawImage(book.images.get(frame), 0, 0);
+  const context = canvas_b.getContext("2d");
+  context.clearRect(0, 0, canvas_b.width, canvas_b.height);
+  context.drawImage(book.images.get(frame), 0, 0);
   byId("picture").classList.remove("waiting");
 }
 
 function request() {
   timer = 0;
   if (picture.mode === "off" || player.playing || !state.scene || !state.connected || document.hidden) return;
-  const first = stage === 0, wanted = Number(byId("samples").value);
-  const sent = send({type: "render", seq: ++seq, frame: Number(player.time.toFixed(4)), camera: camera_message(), size: size_of(first ? first_share : 1),
-    layer: byId("layer").value || "beauty", exposure: world.exposure, samples: first ? Math.min(first_samples, wanted) : wanted,
+  const first = stage === 0, samples = first ? Math.min(first_samples, wanted_samples()) : wanted_samples();
+  const sent = send({type: "render", seq: ++seq, frame: Number(player.time.toFixed(4)), ...look_of(size_of(first ? first_share : 1), samples),
     budget: first ? draft_strands : 0});
   if (!sent) return;
   picture.done = false;
@@ -172,7 +189,9 @@ function compare() {
 
 function save_picture() {
   if (!picture.images) return;
-  canvas_b.toBlob(blob => {
+  const [x, y, width, height] = picture.part, canvas = make("canvas", {width, height});
+  canvas.getContext("2d").drawImage(canvas_b, -x, -y);
+  canvas.toBlob(blob => {
     const name = state.scene.file.split(/[\\/]/).pop().replace(/\.[^.]*$/, ""), link = make("a", {download: `${name}.${Math.round(player.time)}.png`});
     link.href = URL.createObjectURL(blob);
     link.click();
@@ -187,12 +206,13 @@ function show_exposure() {
 
 on("image", (header, payload) => {
   if (header.seq !== seq || picture.mode === "off") return;
-  const {width, height} = header;
-  const pixels = new Uint8ClampedArray(payload.buffer, payload.base, 4 * width * height);
-  if (canvas_b.width !== width || canvas_b.height !== height) { canvas_b.width = width; canvas_b.height = height; }
-  canvas_b.getContext("2d").putImageData(new ImageData(pixels, width, height), 0, 0);
+  const {width, height, of_width, of_height} = header;
+  const pixels = new Uint8ClampedArray(payload.buffer, payload.base, 4 * width * height), context = canvas_b.getContext("2d");
+  if (canvas_b.width !== of_width || canvas_b.height !== of_height) { canvas_b.width = of_width; canvas_b.height = of_height; }
+  else if (width * height < of_width * of_height) context.clearRect(0, 0, of_width, of_height);   // around a part nothing is known
+  context.putImageData(new ImageData(pixels, width, height), header.x, header.y);
   byId("picture").classList.remove("waiting");
-  Object.assign(picture, {width, samples: header.samples, of: header.of, images: picture.images + 1});
+  Object.assign(picture, {width: of_width, part: [header.x, header.y, width, height], samples: header.samples, of: header.of, images: picture.images + 1});
   if (book) status(`frame ${book.frames[book.next]}, ${book.next + 1} of ${book.frames.length}: ${header.samples} of ${header.of} samples`);
   else status(stage === 0 ? `draft, ${header.seconds.toFixed(1)} s` : `${header.samples} of ${header.of} samples, ${header.seconds.toFixed(1)} s`);
 });

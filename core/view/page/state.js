@@ -8,7 +8,7 @@ export const state = {
 };
 
 // Events: "scene", "strands", "meshes", "frame", "skipped", "image", "render_done", "problems", "progress", "saved" as they come from the
-// server; "open", "closed" of the connection; "camera" at each move; "edit" when a value is sent; "picture" when one is shown or hidden; "redraw" wants a new
+// server; "open", "closed" of the connection; "camera" at each move; "edit" when a value is sent; "picture" when one is shown or hidden; "crop" when another part of it is traced; "redraw" wants a new
 // drawing.
 const listeners = new Map();
 export function on(type, listener) {
@@ -52,13 +52,13 @@ export function remember(name, value) {
   try { sessionStorage.setItem("marram." + name, JSON.stringify(value)); } catch { /* no storage: nothing is remembered */ }
 }
 
-// A line at the bottom of the view that goes away by itself, or stays until it is replaced.
+// A line at the bottom of the view that goes away by itself, or stays until it is replaced: then in the middle, unless it is a hint.
 let noticeTimer = 0;
-export function notice(text, stays = false) {
+export function notice(text, stays = false, hint = !stays) {
   const element = byId("notice");
   clearTimeout(noticeTimer);
   element.textContent = text;
   element.hidden = !text;
-  element.classList.toggle("brief", !stays);
+  element.classList.toggle("brief", hint);
   if (text && !stays) noticeTimer = setTimeout(() => { element.hidden = true; }, 2500);
 }

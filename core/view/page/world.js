@@ -287,6 +287,7 @@ export function show_frame(header, payload) {
       attribute.array.set(view_of(payload, Float32Array, offset, attribute.array.length));
       attribute.needsUpdate = true;
     }
+    mesh.geometry.boundingSphere = mesh.geometry.boundingBox = null;   // three.js computes them again for rays
   }
   set_mesh_values(header, payload);
   world.frame = header.frame;
@@ -305,6 +306,7 @@ function set_shading(context, uniforms) {
   context.uniform1i(uniforms.density, 0);
 }
 
+world.meshes = () => meshes;
 world.redraw = () => { world.dirty = true; draw_world(performance.now()); };
 export function draw_world(now) {
   if (motion.drawn_every > 1 && now - motion.moved > camera_rest_ms) world.dirty = true;

@@ -210,6 +210,28 @@ TEST_F(Resume, ShadowCatchersHaveSumsOfTheirOwn) {
     EXPECT_TRUE(film.catchers == empty().catchers);
 }
 
+// Until neighbours beyond its edges decide, a part has the samples of the whole.
+TEST_F(Resume, APartOfThePictureHasItsPixels) {
+    RenderSettings settings;
+    settings.samples = 4;
+    settings.max_depth = 3;
+    const Crop crop{7, 3, 36, 24};
+    const auto trace = [&](Film& film) {
+        render(builder_.world, Lights(lights, builder_.world), grey, camera_, settings, film, nullptr);
+    };
+    Film whole = empty();
+    trace(whole);
+    Film part = make_film(20, 17, layers, builder_.world);
+    settings.crop = crop;
+    trace(part);
+    for (uint32_t y = 0; y < part.height; ++y)
+        for (uint32_t x = 0; x < part.width; ++x) {
+            const size_t a = size_t(y) * part.width + x, b = size_t(y + crop.y) * whole.width + x + crop.x;
+            for (uint32_t i = 0; i < part.stride; ++i)
+                ASSERT_EQ(part.sums[a * part.stride + i], whole.sums[b * whole.stride + i]) << x << ", " << y;
+        }
+}
+
 TEST_F(Resume, AFilmIsShownBetweenPasses) {
     Film film = empty();
     std::vector<uint32_t> seen;

@@ -57,6 +57,24 @@ TEST_F(InboxTest, KeepsTheNewestOfChangesOfOneValue) {
     EXPECT_TRUE(inbox.take_changes().empty());
 }
 
+TEST_F(InboxTest, PartsOfPicturesLieWithin) {
+    const auto part_of = [&](const std::string& crop) {
+        take(1, R"({"type":"stop"})");
+        take(
+            1,
+            R"({"type":"render","seq":1,"frame":1,"camera":{"position":[0,0,3],"target":[0,0,0],"up":[0,1,0],)"
+            R"("fov":40},"size":[64,36],"exposure":0,"samples":4,"crop":)" +
+                crop + "}");
+        const auto wanted = inbox.picture();
+        return wanted ? wanted->second.crop : std::nullopt;
+    };
+    using Part = std::array<uint32_t, 4>;
+    EXPECT_EQ(part_of("[8, 4, 20, 10]"), (Part{8, 4, 20, 10}));
+    EXPECT_EQ(part_of("[-8, 90, 1e9, 0]"), (Part{0, 35, 64, 1}));
+    EXPECT_FALSE(part_of("[1, 2, 3]"));
+    EXPECT_FALSE(part_of(R"(["a", 2, 3, 4])"));
+}
+
 TEST_F(InboxTest, DisconnectsWhoFloods) {
     bool good = true;
     for (int i = 0; i < 1000 && good; ++i)

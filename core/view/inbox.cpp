@@ -87,6 +87,21 @@ PictureRequest picture_request(const json& message) {
     return request;
 }
 
+SeriesRequest series_request(const json& message) {
+    SeriesRequest request;
+    request.seq = seq_of(message);
+    request.folder = message.at("folder").get<std::string>();
+    request.frames = message.at("frames").get<std::string>();
+    request.format = message.value("format", "exr");
+    if (request.format != "exr" && request.format != "png") throw Malformed{};
+    request.replace = message.value("replace", false);
+    if (!message.contains("camera") || message["camera"].is_null()) return request;
+    const json& camera = message["camera"];
+    request.camera = {point(camera, "position"), point(camera, "target"), point(camera, "up"),
+                      number(camera, "fov", 0.01, 179.0)};
+    return request;
+}
+
 std::optional<ChangeRequest> change_request(const std::string& type, const json& message) {
     using Kind = ChangeRequest::Kind;
     static const std::pair<const char*, Kind> kinds[] = {{"set", Kind::set},   {"undo", Kind::undo},
@@ -149,6 +164,12 @@ bool Inbox::take(ViewClient client, std::string_view text, std::vector<uint64_t>
             arrived(false);
         } else if (type == "stop") {
             from.picture.reset();
+            arrived(false);
+        } else if (type == "series") {
+            from.series = series_request(message);
+            arrived(false);
+        } else if (type == "stop_series") {
+            from.series.reset();
             arrived(false);
         } else if (auto change = change_request(type, message)) {
             const bool again = !changes_.empty() && change->kind == ChangeRequest::Kind::set &&
@@ -214,6 +235,20 @@ void Inbox::end_picture(ViewClient client, uint64_t seq) {
     const auto found = clients_.find(client);
     if (found != clients_.end() && found->second.picture && found->second.picture->seq == seq)
         found->second.picture.reset();
+}
+
+std::optional<std::pair<ViewClient, SeriesRequest>> Inbox::series() {
+    const std::lock_guard lock(mutex_);
+    for (const auto& [client, state] : clients_)
+        if (state.series) return std::pair(client, *state.series);
+    return {};
+}
+
+void Inbox::end_series(ViewClient client, uint64_t seq) {
+    const std::lock_guard lock(mutex_);
+    const auto found = clients_.find(client);
+    if (found != clients_.end() && found->second.series && found->second.series->seq == seq)
+        found->second.series.reset();
 }
 
 void Inbox::end_pictures() {

@@ -42,6 +42,21 @@ struct PictureRequest {
     uint32_t budget = 0; // of a draft: about so many strands, wider in turn; 0: all
 };
 
+// A camera that stands still.
+struct SeriesCamera {
+    Vec3d position, target, up;
+    double fov; // degrees, vertical, of the film
+};
+
+// Frames to be rendered into files.
+struct SeriesRequest {
+    uint64_t seq = 0;
+    std::string folder, frames;           // frames: as --frames
+    std::string format = "exr";           // or png
+    bool replace = false;                 // pictures that exist
+    std::optional<SeriesCamera> camera{}; // none: the scene's
+};
+
 // What a page wants changed, for all pages.
 struct ChangeRequest {
     enum class Kind { set, undo, redo, reset, save, reload } kind = Kind::set;
@@ -68,6 +83,9 @@ class Inbox {
     // client's next frame ends it, too.
     std::optional<std::pair<ViewClient, PictureRequest>> picture();
     void end_picture(ViewClient client, uint64_t seq);
+    // The frames to render into files, of the first client that wants any. They stay until they are ended.
+    std::optional<std::pair<ViewClient, SeriesRequest>> series();
+    void end_series(ViewClient client, uint64_t seq);
     void end_pictures(); // all: their scene has changed
 
     // begin_*: clears stop_work() and notes what is worked on. stop_work() is set when something arrives that
@@ -75,7 +93,7 @@ class Inbox {
     // frame or picture stops a picture; a frame of fewer strands one of more, of the same client.
     void begin_change();
     void begin_frame(ViewClient client, uint32_t budget);
-    void begin_picture();
+    void begin_picture(); // or series
     const std::atomic<bool>& stop_work() const { return stop_work_; }
     std::vector<ViewClient> clients(); // that are connected
     void end_all();                    // stops the present work, and wait() returns at once from now on
@@ -85,6 +103,7 @@ class Inbox {
         bool is_new = true;
         std::deque<StrandsRequest> frames;
         std::optional<PictureRequest> picture;
+        std::optional<SeriesRequest> series;
     };
     void arrived(bool is_change);
     enum class Work { change, frame, picture };

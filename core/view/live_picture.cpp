@@ -80,6 +80,28 @@ class Levels {
 
 } // namespace
 
+void add_pixels(const Film& film, const std::string& name, double exposure, uint32_t step,
+                WireMessage& message) {
+    const FilmLayer& layer = *find_layer(film, name);
+    const Levels levels(layer, exposure);
+    const uint32_t width = (film.width + step - 1) / step, height = (film.height + step - 1) / step,
+                   channels = layer.channels;
+    message.header["width"] = width;
+    message.header["height"] = height;
+    auto* const out = reinterpret_cast<uint8_t*>(message.at(message.add(4 * size_t(width) * height)));
+    tbb::parallel_for(0U, height, [&](uint32_t row) {
+        for (uint32_t column = 0; column < width; ++column) {
+            const size_t pixel = size_t(row) * step * film.width + size_t(column) * step,
+                         to = 4 * (size_t(row) * width + column);
+            for (uint32_t c = 0; c < 3; ++c)
+                out[to + c] = c < channels || channels == 1
+                                  ? levels(layer.values[pixel * channels + std::min(c, channels - 1)])
+                                  : uint8_t(0);
+            out[to + 3] = 255;
+        }
+    });
+}
+
 LivePicture::LivePicture(ViewClient client, const PictureRequest& request, double share)
     : client_(client), request_(request),
       part_(request.crop.value_or(std::array<uint32_t, 4>{0, 0, request.width, request.height})),
@@ -123,31 +145,11 @@ bool LivePicture::work(Shot& shot, KeptGeometry kept, const std::atomic<bool>& s
 }
 
 WireMessage LivePicture::message() const {
-    const FilmLayer& layer = *find_layer(*film_, request_.layer);
-    const Levels levels(layer, request_.exposure);
-    const uint32_t width = film_->width, height = film_->height, channels = layer.channels;
     WireMessage message;
-    message.header = {{"type", "image"},
-                      {"seq", request_.seq},
-                      {"width", width},
-                      {"height", height},
-                      {"x", part_[0]},
-                      {"y", part_[1]},
-                      {"of_width", request_.width},
-                      {"of_height", request_.height},
-                      {"samples", samples()},
-                      {"of", request_.samples},
-                      {"seconds", seconds()}};
-    auto* const out = reinterpret_cast<uint8_t*>(message.at(message.add(4 * size_t(width) * height)));
-    tbb::parallel_for(0U, height, [&](uint32_t row) {
-        for (uint32_t i = row * width; i < (row + 1) * width; ++i) {
-            for (uint32_t c = 0; c < 3; ++c)
-                out[4 * i + c] = c < channels || channels == 1
-                                     ? levels(layer.values[size_t(i) * channels + std::min(c, channels - 1)])
-                                     : uint8_t(0);
-            out[4 * i + 3] = 255;
-        }
-    });
+    message.header = {{"type", "image"},      {"seq", request_.seq},        {"x", part_[0]},
+                      {"y", part_[1]},        {"of_width", request_.width}, {"of_height", request_.height},
+                      {"samples", samples()}, {"of", request_.samples},     {"seconds", seconds()}};
+    add_pixels(*film_, request_.layer, request_.exposure, 1, message);
     return message;
 }
 

@@ -67,6 +67,10 @@ BuildSettings settings_to_play(const Shot& shot, double frame, double share, con
     return settings;
 }
 
+std::vector<Problem> scene_has_changed() {
+    return InputError({"frames"}, "stopped, as the scene has changed", "render the rest again").problems;
+}
+
 } // namespace
 
 LiveView::LiveView(ViewSettings settings)
@@ -197,6 +201,7 @@ void LiveView::load() {
     kept_ = {};
     picture_.reset();
     if (!attempt(change_problems_, [&] { scene_.load(); })) return;
+    end_series(scene_has_changed());
     bounds_are_due_ = !attempt(frame_problems_, [&] { look_at_first_frame(); });
     tell_all(scene_message());
 }
@@ -229,6 +234,7 @@ void LiveView::handle(std::vector<ChangeRequest> changes) {
     const uint64_t before = scene_.revision(), loads = scene_.loads();
     for (const ChangeRequest& request : changes) attempt(change_problems_, [&] { change(request); });
     if (scene_.revision() == before) return;
+    end_series(scene_has_changed());
     if (scene_.loads() != loads) {
         kept_ = {};
         bounds_are_due_ = true;
@@ -356,6 +362,44 @@ void LiveView::work_on_picture(ViewClient client, const PictureRequest& request)
     }
 }
 
+void LiveView::end_series(const std::vector<Problem>& problems) {
+    if (!series_) return;
+    json message = series_->end();
+    message["problems"] = problems_message(problems)["problems"];
+    tell(series_->client(), message);
+    inbox_.end_series(series_->client(), series_->request().seq);
+    series_.reset();
+}
+
+void LiveView::work_on_series(ViewClient client, const SeriesRequest& request) {
+    const auto refuse = [&](const std::vector<Problem>& problems) {
+        if (series_) return end_series(problems);
+        tell(client, {{"type", "series_done"},
+                      {"seq", request.seq},
+                      {"pictures", 0},
+                      {"problems", problems_message(problems)["problems"]}});
+        inbox_.end_series(client, request.seq);
+    };
+    free_picture();
+    try {
+        if (!scene_.shot())
+            throw InputError({scene_.file()}, "the scene is not loaded", "correct its mistakes first");
+        if (!series_)
+            series_.emplace(client, request, *scene_.shot(), scene_.file(), scene_.settings(),
+                            inbox_.stop_work());
+        const size_t before = series_->saved();
+        series_->work(*scene_.shot(), kept_, settings_.threads, [&] { tell(client, series_->progress()); });
+        if (series_->saved() > before) server_->send(client, to_bytes(series_->last_picture()), true);
+        if (series_->done()) end_series({});
+    } catch (const Cancelled&) { // it goes on later
+    } catch (const InputError& error) {
+        refuse(error.problems);
+    } catch (const std::exception& error) {
+        refuse(
+            InputError({scene_.file()}, error.what(), "change the scene, or report it as a defect").problems);
+    }
+}
+
 // Tells pages what takes long.
 void LiveView::show_progress(const std::stop_token& end) {
     constexpr double patience = 0.4; // s
@@ -401,10 +445,19 @@ bool LiveView::work() {
         serve_frame(frame->first, frame->second);
         return true;
     }
+    const auto series = inbox_.series();
+    if (series_ &&
+        (!series || series->first != series_->client() || series->second.seq != series_->request().seq))
+        series_.reset(); // its page has stopped it, or left
     if (const auto picture = inbox_.picture()) {
         inbox_.begin_picture();
         busy_since_ = 0.0; // its own samples show the progress
         work_on_picture(picture->first, picture->second);
+        return true;
+    }
+    if (series) {
+        inbox_.begin_picture();
+        work_on_series(series->first, series->second);
         return true;
     }
     return false;

@@ -6,9 +6,11 @@
 //         -> strand_packing, mesh_packing or the film -> server
 //
 // All work on the scene is done in run(), one piece after another: changes first, then frames, then a
-// picture, which stops for both within a tile's time. No file is written but by "save".
+// picture, which stops for both within a tile's time, then pictures for files, which stop for all others. No
+// file is written but by "save" and by an order of pictures.
 #pragma once
 
+#include "core/view/frame_series.h"
 #include "core/view/inbox.h"
 #include "core/view/live_picture.h"
 #include "core/view/mesh_packing.h"
@@ -67,7 +69,9 @@ class LiveView {
     void send_meshes(ViewClient client, Page& page, const World& world, WireMessage& frame);
     void work_on_picture(ViewClient client, const PictureRequest& request);
     void send_picture();
-    void free_picture(); // its geometry is kept for what is built next
+    void work_on_series(ViewClient client, const SeriesRequest& request);
+    void end_series(const std::vector<Problem>& problems); // if there is one; its page is told
+    void free_picture();                                   // its geometry is kept for what is built next
     bool work();
     void show_progress(const std::stop_token& end);
     void look_at_first_frame();
@@ -81,6 +85,7 @@ class LiveView {
     KeptGeometry kept_;
     std::vector<DrawnMesh> drawn_; // of the last frame's meshes
     std::optional<LivePicture> picture_;
+    std::optional<FrameSeries> series_;
     std::vector<Problem> change_problems_,
         frame_problems_;      // of the last change and of the last frame or picture
     nlohmann::json problems_; // the message about both

@@ -353,6 +353,29 @@ def test_gusts(view):
     view.wait("marram.state.scene.changes.length === 0")
 
 
+def test_files(view, folder):
+    view.settle()
+    view.view_focus()
+    view.page.key("B", "shift")
+    check("Shift B asks for a folder", view.js("document.querySelector('#series').open && document.querySelector('#series_folder').value.endsWith('/lawn_frames')"))
+    view.fill("#series_folder", os.path.join(folder, "none/out"))
+    check("a folder that cannot be made is told", view.wait("document.querySelector('#series_problems').textContent.includes('none/out: this folder cannot be made')"))
+    view.picture("files_refused")
+    view.js("document.querySelector('#series_folder').value = 'out'")
+    view.js("document.querySelector('#series_frames').value = '1-3'")
+    view.page.click("#series_start")
+    check("a line tells how far it is", view.wait("/Frame 2, 2 of 3/.test(document.querySelector('#series_text').textContent)"))
+    view.picture("files")
+    check("and where they are", view.wait("document.querySelector('#series_text').textContent.startsWith('3 of 3 frames are in /')"))
+    check("named as by marram render", sorted(os.listdir(os.path.join(folder, "out"))) == [f"lawn.000{i}.exr" for i in (1, 2, 3)])
+    check("they are played as a flip-book", view.wait("marram.flip_book.frames() === 3 && marram.player.playing && marram.flip_book.seen() !== null"))
+    view.picture("files_book")
+    view.page.key(" ")
+    view.page.click("#series_stop")
+    view.page.key("Escape")
+    check("the line is closed", view.js("document.querySelector('#series_line').hidden"))
+
+
 def test_tabs(browser, program, first):
     second = View(browser, program.address)
     check("a second tab opens", second.js("marram.world.strands.shown") > 0)
@@ -410,6 +433,7 @@ def main():
                 begin = time.monotonic()
                 test(view)
                 print(f"  {time.monotonic() - begin:.1f} s", flush=True)
+            test_files(view, folder)
             test_tabs(browser, program, view)
             test_end(view, program)
     except BrowserError as error:

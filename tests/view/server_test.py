@@ -317,6 +317,59 @@ def pictures(folder, scene, address):
     page.close()
 
 
+def files(folder, scene, address):
+    page = Page(address)
+    camera = page.until("scene")["camera"]
+    order = dict(type="series", seq=1, folder="out", frames="2-4x2", format="png")
+    page.send(**order)
+    first = page.until("series")
+    header, pixels = page.until("series_picture")
+    done = page.until("series_done")
+    there = lambda: sorted(os.listdir(os.path.join(folder, "out")))
+    check("frames are rendered into a folder", there() == ["ball.0002.png", "ball.0004.png"] and done["pictures"] == 2 and not done["problems"], (done, there()))
+    check("told how far", first["frame"] == 2 and first["of"] == 2 and first["of_samples"] == 64, first)
+    check("each is shown", header["frame"] == 2 and len(pixels) == 4 * 160 * 90 and len(set(pixels)) > 20)
+    out = os.path.join(folder, "b.png")
+    subprocess.run([marram, "render", scene, "-o", out, "--frame", "4", "--quiet"], check=True, stdout=subprocess.DEVNULL)
+    alike = subprocess.run([marram, "compare", out, os.path.join(folder, "out", "ball.0004.png")], capture_output=True, text=True)
+    check("they are those of marram render", alike.returncode == 0, alike.stdout + alike.stderr)
+    time_of = lambda: os.stat(os.path.join(folder, "out", "ball.0004.png")).st_mtime_ns
+    before = time_of()
+    for more, word in (({}, "exists already"), ({"frames": "4-2"}, "frames"), ({"folder": "none/out"}, "cannot be made"), ({"folder": ""}, "none is given"),
+                       ({"frames": "1-9999999"}, "frames"), ({"folder": "ball.toml"}, "cannot be made")):
+        page.send(**{**order, "seq": 2, **more})
+        lines = page.until("series_done", seq=2)["problems"]
+        check(f"{more or 'the same again'} is refused", len(lines) > 0 and word in lines[0]["place"] + lines[0]["what"] and lines[0]["fix"], lines)
+    check("and nothing was written", time_of() == before and there() == ["ball.0002.png", "ball.0004.png"])
+    page.send(**{**order, "seq": 3, "frames": "4", "replace": True, "camera": {k: camera[k] for k in ("target", "up", "fov")} | {"position": [0, 0.5, 9]}})
+    page.until("series_done", seq=3)
+    other = subprocess.run([marram, "compare", out, os.path.join(folder, "out", "ball.0004.png")], capture_output=True)
+    check("with the view's camera, if it is told to replace", time_of() != before and other.returncode == 1)
+    page.send(**{**order, "seq": 4, "folder": "long", "frames": "1-1000"})
+    page.until("series_picture", seq=4)
+    ask(page, 5, 7, 100)
+    page.until("frame", seq=5)
+    page.until("series_picture", seq=4)
+    check("frames of the strands come meanwhile", True)
+    page.send(type="set", key="wind.speed", value="7")
+    done = page.until("series_done", seq=4)
+    count = len(os.listdir(os.path.join(folder, "long")))
+    check("a change of the scene ends it", done["pictures"] == count and "changed" in done["problems"][0]["what"], done)
+    page.send(type="reset")
+    page.until("scene", undo=True)
+    page.send(**{**order, "seq": 6, "folder": "long", "frames": "500-1000"})
+    page.until("series_picture", seq=6)
+    page.send(type="stop_series")
+    ask(page, 7, 1, 100)
+    page.until("frame", seq=7)
+    whole = [name for name in os.listdir(os.path.join(folder, "long")) if not name.startswith("ball.") or not name.endswith(".png")]
+    check("stopped, it leaves whole pictures alone", whole == [], whole)
+    for name in ("out", "long"):
+        shutil.rmtree(os.path.join(folder, name))
+    os.remove(out)
+    page.close()
+
+
 def main():
     folder = tempfile.mkdtemp(prefix="marram_view_")
     try:
@@ -330,6 +383,7 @@ def main():
             changes(folder, scene, program.address)
             values_and_gusts(program.address)
             pictures(folder, scene, program.address)
+            files(folder, scene, program.address)
             left = sorted(os.listdir(folder))
             check("nothing else is written", set(left) == {"ball.toml", "a.hair", "b.hair", "a.png"}, left)
             idle = Page(program.address)

@@ -10,6 +10,7 @@ import {start_values, next_value, take_range} from "./values.js";
 import {start_render, toggle, toggle_beside, keep_a, drop_a, set_mode, picture, start_book, turn_leaf, flip_book} from "./render.js";
 import {start_handles, handles, handle_keys, leave_handles} from "./handles.js";
 import {start_tools, toggle_crop, toggle_focus, disarm, tools} from "./tools.js";
+import {open_series, start_series, series} from "./series.js";
 import {start_compass, compass} from "./compass.js";
 
 const help = {
@@ -20,7 +21,7 @@ const help = {
   "Colours": [["V", "by an attribute: share of the wind, gusts, shelter, contacts; again: the next, at last the materials"]],
   "Picture": [["R", "path-traced picture over the view"], ["P", "picture beside the view"], ["A", "keep the picture as A, compare with B"], ["Shift A", "drop A"],
     ["M", "trace a part alone: drag a rectangle; again: the whole"], ["D", "focus: click what is to be sharp"],
-    ["B", "flip-book: all frames as pictures, then played"], ["Escape", "back to the live view"]],
+    ["B", "flip-book: all frames as pictures, then played"], ["Shift B", "frames as files in a folder"], ["Escape", "back to the live view"]],
   "Wind": [["W", "show or hide gusts and fields"], ["click", "select one; beside all: none"], ["1 2 3 or T E S", "move, turn, scale it"], ["K", "a key at this frame; then drag at another"],
     ["G", "new gust"], ["X or Delete", "delete"], ["Escape", "unselect, take a drag back"], ["dial", "drag turns the wind; Shift: its speed"]],
   "Parameters": [["/", "search"], ["Ctrl Z", "undo"], ["Ctrl Shift Z", "redo"], ["Ctrl S", "write the changes to the scene file"],
@@ -42,7 +43,7 @@ function first_frame() { play(false); set_time(frames_of()[0]); }
 function last_frame() { play(false); set_time(frames_of()[1]); }
 const keys = {
   " ": () => play(), Home: first_frame, End: last_frame, f: frame_all, c: go_home, r: toggle, p: toggle_beside, h: show_help, "?": show_help,
-  v: event => next_value(event.shiftKey ? -1 : 1), b: start_book, l: () => byId("loop").click(), "/": () => { byId("search").focus(); byId("search").select(); },
+  v: event => next_value(event.shiftKey ? -1 : 1), b: event => event.shiftKey ? open_series() : start_book(), l: () => byId("loop").click(), "/": () => { byId("search").focus(); byId("search").select(); },
   a: event => event.shiftKey ? drop_a() : keep_a(),
   ArrowLeft: event => { touch(); step(event.shiftKey ? -10 : -1); }, ArrowRight: event => { touch(); step(event.shiftKey ? 10 : 1); },
   m: toggle_crop, d: toggle_focus,
@@ -63,7 +64,7 @@ function on_key(event) {
     if (letter === "y" && !writing) { event.preventDefault(); command("redo"); }
     return;
   }
-  if (event.altKey || byId("help").open && !["h", "?"].includes(letter)) return;
+  if (event.altKey || byId("series").open || byId("help").open && !["h", "?"].includes(letter)) return;
   if (is_text(target)) return;
   // Sliders, lists and buttons keep the keys that they use themselves.
   const own = target.matches("select") ? letter !== "Escape" : target.matches("input[type=range]") ? /^(Arrow|Home|End|Page)/.test(letter)
@@ -111,8 +112,9 @@ if (start_world()) {
   on("shown", header => take_range(header.values));
   start_handles();
   start_tools();
+  start_series();
   start_compass();
   connect();
   requestAnimationFrame(loop);
 }
-window.marram = {state, on, world, player, picture, flip_book, edits, handles, compass, tools, options_text};   // for the console and for tests
+window.marram = {state, on, world, player, picture, flip_book, edits, handles, compass, tools, series, options_text};   // for the console and for tests

@@ -9,7 +9,7 @@ import {player, play, frames_of} from "./player.js";
 const settle_ms = 150;                       // stillness before a picture is begun
 const max_width = 960, first_share = 4, first_samples = 4;
 const draft_strands = 40000;                 // of the first picture, which comes at once
-const max_book = 500e6;                      // bytes of a flip-book's pictures: else it leaves frames out
+export const max_book = 500e6;                      // bytes of a flip-book's pictures: else it leaves frames out
 
 export const picture = {mode: "off", samples: 0, of: 0, images: 0, done: false,   // mode: off, over, beside
   crop: null};   // the part that is traced: its left, top, right, bottom in shares of the picture; null: all
@@ -91,6 +91,20 @@ async function take_leaf() {
   status(`flip-book of ${book.images.size} frames`);
   play(true);
 }
+// Pictures that were made elsewhere, by frame.
+export function show_book_of(images) {
+  if (picture.mode === "off") set_mode("over");
+  drop_book();
+  clearTimeout(timer);
+  if (started) send({type: "stop"});
+  timer = started = 0;
+  ++seq;
+  book = {of: what_is_seen(), frames: [...images.keys()].sort((a, b) => a - b), next: images.size, images};
+  show_book();
+  picture.done = true;
+  status(`flip-book of ${images.size} frames`);
+  play(true);
+}
 // The leaf at a time: the last one up to it.
 function leaf_at(time) {
   for (let i = book.frames.length; --i >= 0;) if (book.frames[i] <= time + 1e-6) return book.frames[i];
@@ -103,9 +117,11 @@ export function turn_leaf() {
   const frame = leaf_at(player.time);
   if (frame === leaf) return;
   leaf = frame;
-  const context = canvas_b.getContext("2d");
-  context.clearRect(0, 0, canvas_b.width, canvas_b.height);
-  context.drawImage(book.images.get(frame), 0, 0);
+  const image = book.images.get(frame);
+  canvas_b.width = image.width;   // also clears it
+  canvas_b.height = image.height;
+  canvas_b.getContext("2d").drawImage(image, 0, 0);
+  Object.assign(picture, {images: picture.images + 1, part: [0, 0, image.width, image.height]});
   byId("picture").classList.remove("waiting");
 }
 

@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: Apache-2.0
+// Frames that a page has ordered into a folder: the files that `marram render` writes, one after another.
+#pragma once
+
+#include "core/shot/frame.h"
+#include "core/view/inbox.h"
+#include "core/view/wire.h"
+
+#include <functional>
+#include <memory>
+#include <set>
+#include <string>
+#include <vector>
+
+namespace marram {
+
+class FrameSeries {
+  public:
+    // Checks the order and makes the folder, in an existing one; it is relative to that of the scene. Pictures are
+    // NAME.####.exr, NAME that of the scene file. settings: of the shot, key=value. Throws InputError: a list
+    // that is none, a folder that cannot be written, pictures that are there and may not be replaced.
+    FrameSeries(ViewClient client, SeriesRequest request, const Shot& shot, const std::string& scene,
+                std::vector<std::string> settings, const std::atomic<bool>& stop);
+    FrameSeries(const FrameSeries&) = delete;
+    FrameSeries& operator=(const FrameSeries&) = delete;
+
+    ViewClient client() const { return client_; }
+    const SeriesRequest& request() const { return request_; }
+    size_t saved() const { return next_; } // pictures
+    bool done() const { return next_ == files_.size(); }
+
+    // Goes on until the next picture is saved, or `stop` is set: the samples then stay, and work goes on with the
+    // same bits. `kept` is used and given back. show(): between passes, when nothing else changes this. The shot
+    // is that of the constructor, unchanged. Throws InputError and Cancelled.
+    void work(Shot& shot, KeptGeometry& kept, int threads, const std::function<void()>& show);
+
+    nlohmann::json progress() const; // "series": how far it is
+    WireMessage last_picture()
+        const; // "series_picture": the last one saved, RGBA of 8 bits, at most about a million pixels
+    nlohmann::json end() const; // "series_done": where the pictures are, and the warnings
+
+  private:
+    void trace(KeptGeometry& kept, const std::function<void()>& show);
+
+    ViewClient client_;
+    SeriesRequest request_;
+    FrameOptions options_;
+    ParamSet camera_;
+    std::string folder_;
+    std::vector<FrameFiles> files_;
+    size_t next_ = 0; // index of the frame in work
+    const std::atomic<bool>& stop_;
+    FrameStats stats_;
+    std::unique_ptr<Frame> frame_; // in work or, once it is saved, the last one
+    bool saved_ = false;           // frame_ is
+    Film taken_;                   // samples of the frame in work, while it was stopped
+    std::set<std::string> warnings_;
+};
+
+} // namespace marram

@@ -318,6 +318,35 @@ std::vector<Procedural::Gust> Procedural::gusts() {
     return list;
 }
 
+static_assert(sizeof(Vec3d) == 3 * sizeof(double)); // points are passed as they are
+
+std::vector<Procedural::Air> Procedural::air(const std::vector<Vec3d>& points) {
+    std::vector<Air> list;
+    if (!type_->calls.air || points.empty()) return list;
+    forget_faults();
+    check(type_->calls.air(
+        instance_, points.size(), points.front().data(),
+        [](void* user, const double velocity[3], const double noise[3], double share) {
+            static_cast<std::vector<Air>*>(user)->push_back({Vec3d(velocity), Vec3d(noise), share});
+        },
+        &list));
+    return list;
+}
+
+std::vector<Procedural::ShelterRay> Procedural::shelter_rays(const std::vector<Vec3d>& cvs,
+                                                             const Vec3d& root_normal) {
+    std::vector<ShelterRay> list;
+    if (!type_->calls.shelter_rays || cvs.empty()) return list;
+    forget_faults();
+    check(type_->calls.shelter_rays(
+        instance_, uint32_t(cvs.size()), cvs.front().data(), root_normal.data(),
+        [](void* user, uint32_t cv, const double from[3], const double to[3], double shelter) {
+            static_cast<std::vector<ShelterRay>*>(user)->push_back({cv, Vec3d(from), Vec3d(to), shelter});
+        },
+        &list));
+    return list;
+}
+
 std::vector<std::string> Procedural::take_warnings() {
     const std::lock_guard lock(messages_lock_);
     return std::exchange(warnings_, {});

@@ -84,6 +84,19 @@ class Procedural {
         double radius, strength;
     };
     std::vector<Gust> gusts();
+    // The wind at points of the air, as MarramProcedural.air tells it; empty if it does not.
+    struct Air {
+        Vec3d velocity, noise;
+        double share;
+    };
+    std::vector<Air> air(const std::vector<Vec3d>& points);
+    // The rays that find the shelter of a strand, by its CVs at rest: as MarramProcedural.shelter_rays.
+    struct ShelterRay {
+        uint32_t cv;
+        Vec3d from, to;
+        double shelter;
+    };
+    std::vector<ShelterRay> shelter_rays(const std::vector<Vec3d>& cvs, const Vec3d& root_normal);
     std::vector<std::string> take_warnings();
     // Of the files that its values name; one line each.
     const std::vector<std::string>& file_warnings() const { return file_warnings_; }

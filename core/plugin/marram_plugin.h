@@ -548,6 +548,24 @@ typedef struct MarramProcedural {
     MarramStatus (*gusts)(MarramInstance* instance,
                           void (*sink)(void* user, const double center[3], double radius, double strength),
                           void* user);
+    /* The wind at points of the air at the frame, after begin: for a user interface that shows it. points: x, y, z of
+     * each, m, world space. The sink is called for each point in order, in the calling thread, before air returns.
+     * velocity, m/s: of the local wind, with fields and ground. noise: strands there turn towards velocity /
+     * |velocity| + noise. share: of the wind, 0 ... 1, by gusts and wind.calm; shelter and canopies are not in it. */
+    MarramStatus (*air)(MarramInstance* instance, uint64_t count, const double* points,
+                        void (*sink)(void* user, const double velocity[3], const double noise[3],
+                                     double share),
+                        void* user);
+    /* The rays by which the shelter of a strand is found at the frame, after begin: for a user interface. cvs: x, y,
+     * z of each CV of the strand at rest, from its root on, m, world space; root_normal: of the mesh at its root,
+     * unit. The sink is called for each ray, in the calling thread, before shelter_rays returns: the CV that sends
+     * it, where it begins and where it ends (at a mesh that shelters, else wind.shielding.offset upwind), and the
+     * shelter that it finds, 0 ... 1. Never without wind.shielding. */
+    MarramStatus (*shelter_rays)(MarramInstance* instance, uint32_t cv_count, const double* cvs,
+                                 const double root_normal[3],
+                                 void (*sink)(void* user, uint32_t cv, const double from[3],
+                                              const double to[3], double shelter),
+                                 void* user);
 } MarramProcedural;
 
 typedef struct MarramLibrary {

@@ -42,6 +42,20 @@ Vec3d point(const json& message, const char* name) {
 
 uint64_t seq_of(const json& message) { return uint64_t(number(message, "seq", 0.0, 0x1p53)); }
 
+AirPlane air_plane(const json& from) {
+    constexpr double max_points = 64.0; // along a side
+    return {point(from, "center"), point(from, "u"), point(from, "v"),
+            uint32_t(number(from, "columns", 1.0, max_points)),
+            uint32_t(number(from, "rows", 1.0, max_points))};
+}
+
+RaysRequest rays_request(const json& message) {
+    constexpr double max_index = 0x1p32 - 1.0;
+    return {seq_of(message), uint64_t(number(message, "selection", 0.0, 0x1p53)),
+            number(message, "frame", -latest, latest), uint32_t(number(message, "part", 0.0, max_index)),
+            uint32_t(number(message, "vertex", 0.0, max_index))};
+}
+
 StrandsRequest strands_request(const json& message) {
     StrandsRequest request;
     request.seq = seq_of(message);
@@ -49,6 +63,8 @@ StrandsRequest strands_request(const json& message) {
     request.budget = uint32_t(number(message, "budget", 1.0, max_budget));
     request.floats = message.value("encoding", "u16") == "f32";
     request.values = message.value("values", "");
+    request.gusts = message.value("gusts", true);
+    if (message.contains("air")) request.air = air_plane(message["air"]);
     return request;
 }
 
@@ -168,6 +184,9 @@ bool Inbox::take(ViewClient client, std::string_view text, std::vector<uint64_t>
         } else if (type == "series") {
             from.series = series_request(message);
             arrived(false);
+        } else if (type == "rays") {
+            from.rays = rays_request(message);
+            arrived(false);
         } else if (type == "stop_series") {
             from.series.reset();
             arrived(false);
@@ -221,6 +240,13 @@ std::optional<std::pair<ViewClient, StrandsRequest>> Inbox::take_frame() {
     const StrandsRequest request = found->second.frames.front();
     found->second.frames.pop_front();
     return std::pair(found->first, request);
+}
+
+std::optional<std::pair<ViewClient, RaysRequest>> Inbox::take_rays() {
+    const std::lock_guard lock(mutex_);
+    for (auto& [client, state] : clients_)
+        if (state.rays) return std::pair(client, *std::exchange(state.rays, {}));
+    return {};
 }
 
 std::optional<std::pair<ViewClient, PictureRequest>> Inbox::picture() {

@@ -20,12 +20,27 @@
 
 namespace marram {
 
+// A grid of points on a plane: columns along u, rows along v, which are half sides; m.
+struct AirPlane {
+    Vec3d center, u, v;
+    uint32_t columns, rows;
+};
+
 struct StrandsRequest {
     uint64_t seq = 0;
     double frame = 1.0;
-    uint32_t budget = 20000; // strands
-    bool floats = false;     // else 16 bits
-    std::string values{};    // an attribute that colours strands and meshes; "": none
+    uint32_t budget = 20000;       // strands
+    bool floats = false;           // else 16 bits
+    std::string values{};          // an attribute that colours strands and meshes; "": none
+    bool gusts = true;             // where the random ones are
+    std::optional<AirPlane> air{}; // where the wind is wanted, too
+};
+
+// The rays that find the shelter of a strand.
+struct RaysRequest {
+    uint64_t seq = 0, selection = 0; // selection: of the strands that the page has
+    double frame = 1.0;
+    uint32_t part = 0, vertex = 0; // any vertex of the strand, as in "strands"
 };
 
 struct PictureRequest {
@@ -79,6 +94,7 @@ class Inbox {
     std::vector<ViewClient> take_left_clients();
     std::vector<ChangeRequest> take_changes();
     std::optional<std::pair<ViewClient, StrandsRequest>> take_frame(); // of the clients in turn
+    std::optional<std::pair<ViewClient, RaysRequest>> take_rays();     // the newest of a client
     // The picture to work on, of the first client that wants one. Stays until it is replaced or ended; a
     // client's next frame ends it, too.
     std::optional<std::pair<ViewClient, PictureRequest>> picture();
@@ -104,6 +120,7 @@ class Inbox {
         std::deque<StrandsRequest> frames;
         std::optional<PictureRequest> picture;
         std::optional<SeriesRequest> series;
+        std::optional<RaysRequest> rays;
     };
     void arrived(bool is_change);
     enum class Work { change, frame, picture };

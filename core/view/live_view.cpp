@@ -7,6 +7,7 @@
 #include "core/shot/settings.h"
 #include "core/view/handles.h"
 #include "core/view/looks.h"
+#include "core/view/shown_wind.h"
 #include "core/view/value_packing.h"
 
 #include <fmt/format.h>
@@ -291,7 +292,8 @@ void LiveView::answer(ViewClient client, Page& page, const StrandsRequest& reque
     page.revision = scene_.revision();
     add_strand_positions(world, *page.strands, request.floats, frame);
     if (!request.values.empty()) add_values(world, *page.strands, drawn_, request.values, frame);
-    frame.header["gusts"] = gusts_message(*scene_.shot());
+    if (request.air) add_air(*scene_.shot(), *request.air, frame);
+    if (request.gusts) frame.header["gusts"] = gusts_message(*scene_.shot());
     frame.header["type"] = "frame";
     frame.header["seq"] = request.seq;
     frame.header["frame"] = request.frame;
@@ -324,6 +326,32 @@ void LiveView::serve_frame(ViewClient client, const StrandsRequest& request) {
             kept_ = kept_geometry(std::move(world));
         });
     if (!answered) tell(client, {{"type", "skipped"}, {"seq", request.seq}});
+}
+
+// The strands at rest have the same order as those that the page was sent.
+void LiveView::serve_rays(ViewClient client, const RaysRequest& request) {
+    const auto found = pages_.find(client);
+    if (found == pages_.end() || !scene_.shot() || found->second.selection != request.selection) return;
+    const StrandSelection& strands = *found->second.strands;
+    const std::optional<uint32_t> strand = strand_of(strands, request.part, request.vertex);
+    if (!strand) return;
+    free_picture();
+    attempt(frame_problems_, [&] {
+        Shot& shot = *scene_.shot();
+        set_frame(shot, request.frame);
+        BuildSettings settings =
+            settings_to_play(shot, request.frame, share_for(strands.budget, all_strands_), "root_normal");
+        settings.stage = MARRAM_REST;
+        BuildStats stats;
+        World world = build_world(shot.geometry, settings, inbox_.stop_work(), progress_, stats,
+                                  std::exchange(kept_, {}));
+        if (layout_digest(world) == strands.layout) {
+            json message = rays_message(shot, world, request.part, *strand);
+            message["seq"] = request.seq;
+            tell(client, message);
+        }
+        kept_ = kept_geometry(std::move(world));
+    });
 }
 
 void LiveView::free_picture() {
@@ -443,6 +471,11 @@ bool LiveView::work() {
     if (const auto frame = inbox_.take_frame()) {
         inbox_.begin_frame(frame->first, frame->second.budget);
         serve_frame(frame->first, frame->second);
+        return true;
+    }
+    if (const auto rays = inbox_.take_rays()) {
+        inbox_.begin_frame(rays->first, 0);
+        serve_rays(rays->first, rays->second);
         return true;
     }
     const auto series = inbox_.series();

@@ -66,6 +66,7 @@ class LiveView {
     void serve_frame(ViewClient client, const StrandsRequest& request);
     void answer(ViewClient client, Page& page, const StrandsRequest& request, const World& world,
                 double chain_ms);
+    void serve_rays(ViewClient client, const RaysRequest& request);
     void send_meshes(ViewClient client, Page& page, const World& world, WireMessage& frame);
     void work_on_picture(ViewClient client, const PictureRequest& request);
     void send_picture();

@@ -153,6 +153,14 @@ StrandSelection select_strands(const World& world, uint32_t budget, uint64_t lay
     return selection;
 }
 
+std::optional<uint32_t> strand_of(const StrandSelection& selection, uint32_t part, uint32_t vertex) {
+    if (part >= selection.parts.size()) return {};
+    const StrandPart& of = selection.parts[part];
+    if (of.strands.empty() || vertex >= of.first_vertex.back()) return {};
+    const auto next = std::ranges::upper_bound(of.first_vertex, uint64_t(vertex));
+    return of.strands[size_t(next - of.first_vertex.begin()) - 1];
+}
+
 WireMessage strands_message(const World& world, const StrandSelection& selection, uint64_t number,
                             const std::vector<StrandLook>& looks) {
     WireMessage message;

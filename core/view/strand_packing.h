@@ -10,6 +10,7 @@
 #include "core/view/wire.h"
 
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 namespace marram {
@@ -42,6 +43,8 @@ double share_for(uint32_t budget, uint64_t all); // BuildSettings::share for abo
 
 // budget: target number of strands over all curves; their hashes decide, so it may be exceeded a little.
 StrandSelection select_strands(const World& world, uint32_t budget, uint64_t layout);
+// The strand of world.curves[part] that a vertex of the part belongs to; none if there is no such vertex.
+std::optional<uint32_t> strand_of(const StrandSelection& selection, uint32_t part, uint32_t vertex);
 
 // The colours of a part, linear.
 struct StrandLook {

@@ -28,9 +28,13 @@
 //     std::vector<std::string> described() const; // as MarramProcedural.describe
 //     std::string summary() const;               // as MarramProcedural.summarize
 //     std::vector<GustSphere> random_gusts() const; // as MarramProcedural.gusts
+//     std::vector<AirSample> air_at(std::span<const double> points) const; // as MarramProcedural.air
+//     std::vector<ShelterRay> shelter_rays(std::span<const double> cvs, const double* root_normal) const;
 #pragma once
 
 #include "procedural/abi/border.h"
+
+#include <cmath>
 
 namespace marram {
 
@@ -95,6 +99,9 @@ class EntryPoints {
         if constexpr (requires(const P& p) { p.described(); }) procedural.describe = describe;
         if constexpr (requires(const P& p) { p.summary(); }) procedural.summarize = summarize;
         if constexpr (requires(const P& p) { p.random_gusts(); }) procedural.gusts = gusts;
+        if constexpr (requires(const P& p) { p.air_at({}); }) procedural.air = air;
+        if constexpr (requires(const P& p) { p.shelter_rays({}, nullptr); })
+            procedural.shelter_rays = shelter_rays;
         return procedural;
     }
 
@@ -274,6 +281,40 @@ class EntryPoints {
         return say(opaque, sink, [&](const P& instance) {
             for (const auto& gust : instance.random_gusts())
                 sink(user, gust.center.data(), gust.radius, gust.strength);
+        });
+    }
+
+    static void check_points(const double* points, uint64_t count) {
+        if (!points && count > 0)
+            throw SceneFault("contract.null_points", "", "the points are NULL",
+                             "pass three numbers for each");
+        constexpr double far = 1e9; // m
+        for (uint64_t i = 0; i < 3 * count; ++i)
+            if (!(std::abs(points[i]) < far))
+                throw SceneFault("contract.far_point", "", "a point is not finite, or 1e9 m away",
+                                 "leave it out");
+    }
+
+    static MarramStatus air(MarramInstance* opaque, uint64_t count, const double* points,
+                            void (*sink)(void*, const double*, const double*, double), void* user) {
+        return say(opaque, sink, [&](const P& instance) {
+            check_points(points, count);
+            for (const auto& one : instance.air_at({points, size_t(count) * 3}))
+                sink(user, one.velocity.data(), one.noise.data(), one.share);
+        });
+    }
+
+    static MarramStatus shelter_rays(MarramInstance* opaque, uint32_t cv_count, const double* cvs,
+                                     const double* root_normal,
+                                     void (*sink)(void*, uint32_t, const double*, const double*, double),
+                                     void* user) {
+        return say(opaque, sink, [&](const P& instance) {
+            check_points(cvs, cv_count);
+            check_points(root_normal, 1);
+            for (const auto& ray : instance.shelter_rays({cvs, size_t(cv_count) * 3}, root_normal)) {
+                const Vec3d from = ray.from.template cast<double>(), to = ray.to.template cast<double>();
+                sink(user, ray.cv, from.data(), to.data(), double(ray.shelter));
+            }
         });
     }
 

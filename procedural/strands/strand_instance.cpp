@@ -5,6 +5,7 @@
 #include "core/math/digest.h"
 #include "procedural/strands/wind_words.h"
 #include "procedural/wind/keyed_wind.h"
+#include "procedural/wind/noise_along.h"
 
 #include <fmt/format.h>
 
@@ -269,6 +270,70 @@ std::vector<GustSphere> StrandInstance::random_gusts() const {
     if (!wind.gusts) return {};
     const Wind now = wind.keys ? wind_at(wind, frame.frame) : wind;
     return random_gusts_at(*now.gusts, gust_carrier(wind), frame.frame, frame.fps);
+}
+
+namespace {
+
+// Strands of two CVs that lie in one point each.
+Strands strands_at(std::span<const double> points) {
+    Strands strands;
+    const size_t count = points.size() / 3;
+    strands.resize(int(count), 2, false);
+    for (size_t i = 0; i < size_t(strands.blocks) * lanes; ++i) {
+        const double* const p = points.data() + 3 * std::min(i, count - 1); // also in lanes without a strand
+        const size_t block = i / lanes;
+        const auto lane = int(i % lanes);
+        for (size_t k = 0; k < 2; ++k) set_lane(strands.rest[2 * block + k], lane, {p[0], p[1], p[2]});
+        Wide3d& origin = strands.noise_origin[block];
+        origin.x[lane] = p[0], origin.y[lane] = p[1], origin.z[lane] = p[2];
+    }
+    return strands;
+}
+
+} // namespace
+
+std::vector<AirSample> StrandInstance::air_at(std::span<const double> points) const {
+    if (points.empty()) return {};
+    const WindAt at = wind_with_gusts(wind, frame.frame, frame.fps, true, everywhere(), ground.get());
+    const Wind& now = *at.wind;
+    Strands strands = strands_at(points);
+    std::ranges::fill(strands.gust, VFloat{});
+    if (!at.gusts.levels.empty()) add_gusts(at.gusts, strands);
+    local_wind({now.direction, now.speed, now.response, at.fields, at.ground,
+                now.over ? now.over->speed : SpeedHeight{}},
+               strands);
+    const NoiseTimes times = noise_times(now, frame.frame, frame.fps);
+    const VDouble root{};
+    std::vector<AirSample> samples;
+    for (size_t i = 0; i < points.size() / 3; ++i) {
+        const size_t block = i / lanes;
+        const auto lane = int(i % lanes);
+        if (lane == 0 && now.noise_amplitude > 0.0)
+            noise_along(now, times, strands.noise_origin[block], &root, 1, strands);
+        const Wide3d& d = strands.wind_direction[block];
+        const Wide3f& n = strands.values[0];
+        samples.push_back(
+            {Vec3d(d.x[lane], d.y[lane], d.z[lane]) * double(strands.wind_speed[block][lane]),
+             now.noise_amplitude > 0.0
+                 ? Vec3d(Vec3f(n.x[lane], n.y[lane], n.z[lane]).cast<double>() * now.noise_amplitude)
+                 : Vec3d::Zero(),
+             std::clamp(now.calm + double(strands.gust[2 * block][lane]), 0.0, 1.0)});
+    }
+    return samples;
+}
+
+std::vector<ShelterRay> StrandInstance::shelter_rays(std::span<const double> cvs,
+                                                     const double* root_normal) const {
+    const ChainFrame::Instant& instant = chain.instants.front();
+    const Wind& now = *instant.wind.wind;
+    if (!now.shielding || cvs.empty()) return {};
+    Strands strand;
+    strand.resize(1, int(cvs.size() / 3), false);
+    for (size_t k = 0; k < size_t(strand.cvs); ++k)
+        set_lane(strand.rest[k], 0, {cvs[3 * k], cvs[3 * k + 1], cvs[3 * k + 2]});
+    strand.root_normal[0] = splat3(root_normal);
+    return marram::shelter_rays(*now.shielding, now.direction, instant.colliders, instant.obstacle_heights,
+                                strand);
 }
 
 void StrandInstance::report(const ReportSink& sink) {

@@ -44,6 +44,12 @@ struct StepChoice {
     Choice choice;
 };
 
+// The wind at a point of the air, as MarramProcedural.air tells it.
+struct AirSample {
+    Vec3d velocity, noise;
+    double share;
+};
+
 struct StrandInstance : Instance {
     Wind wind; // includes the settings chosen for the frame
     Automatic automatic;
@@ -84,6 +90,8 @@ struct StrandInstance : Instance {
     MarramOutput begin(LentFrame lent);
     std::string summary() const;
     std::vector<GustSphere> random_gusts() const;
+    std::vector<AirSample> air_at(std::span<const double> points) const; // x, y, z of each
+    std::vector<ShelterRay> shelter_rays(std::span<const double> cvs, const double* root_normal) const;
     void report(const ReportSink& sink);
 
     // The state of a batch of a patch, for one thread at a time: none if it is not kept, if another thread

@@ -144,23 +144,36 @@ class Tracer {
     Tracer(const Shielding& shielding, const Colliders& colliders, std::span<const double> heights)
         : shielding_(shielding), colliders_(colliders), heights_(heights) {}
 
+    RTCRayHit ray_of(const Vec3f& p, const Vec3f& d) const {
+        RTCRayHit ray;
+        ray.ray = {p.x(),
+                   p.y(),
+                   p.z(),
+                   0.0F,
+                   d.x(),
+                   d.y(),
+                   d.z(),
+                   colliders_.time,
+                   float(shielding_.offset),
+                   MARRAM_SHELTERS,
+                   0,
+                   0};
+        ray.hit.geomID = RTC_INVALID_GEOMETRY_ID;
+        ray.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
+        return ray;
+    }
+
+    // The ray at once, and where it ended.
+    ShelterRay trace(uint32_t cv, const Vec3f& p, const Vec3f& d) const {
+        RTCRayHit ray = ray_of(p, d);
+        if (colliders_.any()) marram_intersect_many(colliders_.scene, &ray, 1);
+        const bool hit = ray.hit.geomID != RTC_INVALID_GEOMETRY_ID;
+        return {cv, p, p + d * ray.ray.tfar, !hit ? 0.0F : fades() ? shelter(ray) : 1.0F};
+    }
+
     // Adds `share` times the shelter of p in direction d to `out`, at the next flush.
     void add(const Vec3f& p, const Vec3f& d, float share, float* out) {
-        RTCRayHit& next = rays_[count_];
-        next.ray = {p.x(),
-                    p.y(),
-                    p.z(),
-                    0.0F,
-                    d.x(),
-                    d.y(),
-                    d.z(),
-                    colliders_.time,
-                    float(shielding_.offset),
-                    MARRAM_SHELTERS,
-                    0,
-                    0};
-        next.hit.geomID = RTC_INVALID_GEOMETRY_ID;
-        next.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
+        rays_[count_] = ray_of(p, d);
         out_[count_] = out;
         share_[count_] = share;
         if (++count_ == most) flush();
@@ -168,7 +181,7 @@ class Tracer {
 
     void flush() {
         if (count_ == 0) return;
-        const bool fades = shielding_.wake || shielding_.wake_heights;
+        const bool fades = this->fades();
         if (fades)
             marram_intersect_many(colliders_.scene, rays_, count_);
         else
@@ -183,6 +196,8 @@ class Tracer {
 
   private:
     static constexpr unsigned most = 256;
+
+    bool fades() const { return shielding_.wake || shielding_.wake_heights; }
 
     float shelter(const RTCRayHit& found) const {
         const unsigned id = found.hit.geomID;
@@ -202,17 +217,13 @@ class Tracer {
     unsigned count_ = 0;
 };
 
-} // namespace
-
-void shield(const Shielding& shielding, const Vec3d& wind, const Colliders& colliders,
-            std::span<const double> heights, Strands& strands) {
-    std::fill(strands.shield.begin(), strands.shield.end(), VFloat{});
-    if (!colliders.any()) return;
+// Calls use(CV, its number in its strand, origin, direction, share of the CV's rays) for each ray.
+template <typename Use>
+void each_ray(const Shielding& shielding, const Vec3d& wind, const Strands& strands, Use&& use) {
     const auto cvs = size_t(strands.cvs), all = size_t(strands.count) * cvs;
     const std::vector<Vec3f> directions = upwind_directions(shielding, wind, strands.cvs);
     const size_t sets = directions.size() == 1 ? 1 : cvs;
     const Vec3f upwind = -wind.cast<float>();
-    Tracer tracer(shielding, colliders, heights);
     std::vector<Vec3f> open;
     for (size_t cv = 0; cv < all; ++cv) {
         const size_t i = cv / cvs, k = cv % cvs;
@@ -231,9 +242,35 @@ void shield(const Shielding& shielding, const Vec3d& wind, const Colliders& coll
             if (sets == 1 || directions[j].dot(normal) >= lowest) open.push_back(directions[j]);
         if (open.empty()) open.push_back(upwind);
         const float share = 1.0F / float(open.size());
-        float* out = reinterpret_cast<float*>(&strands.shield[i / lanes * cvs + k]) + lane;
-        for (const Vec3f& d : open) tracer.add(origin, d, share, out);
+        for (const Vec3f& d : open) use(cv, k, origin, d, share);
     }
+}
+
+} // namespace
+
+std::vector<ShelterRay> shelter_rays(const Shielding& shielding, const Vec3d& wind,
+                                     const Colliders& colliders, std::span<const double> heights,
+                                     const Strands& strand) {
+    const Tracer tracer(shielding, colliders, heights);
+    std::vector<ShelterRay> rays;
+    each_ray(shielding, wind, strand, [&](size_t, size_t k, const Vec3f& origin, const Vec3f& d, float) {
+        rays.push_back(tracer.trace(uint32_t(k), origin, d));
+    });
+    return rays;
+}
+
+void shield(const Shielding& shielding, const Vec3d& wind, const Colliders& colliders,
+            std::span<const double> heights, Strands& strands) {
+    std::fill(strands.shield.begin(), strands.shield.end(), VFloat{});
+    if (!colliders.any()) return;
+    const auto cvs = size_t(strands.cvs);
+    Tracer tracer(shielding, colliders, heights);
+    each_ray(shielding, wind, strands,
+             [&](size_t cv, size_t k, const Vec3f& origin, const Vec3f& d, float share) {
+                 const size_t i = cv / cvs;
+                 VFloat& shelter = strands.shield[i / lanes * cvs + k];
+                 tracer.add(origin, d, share, reinterpret_cast<float*>(&shelter) + i % lanes);
+             });
     tracer.flush();
     if (shielding.per_cv) return;
     for (int block = 0; block < strands.blocks; ++block) {

@@ -8,6 +8,7 @@
 
 #include <optional>
 #include <span>
+#include <vector>
 
 namespace marram {
 
@@ -45,5 +46,15 @@ std::vector<double> obstacle_heights(const Colliders& colliders);
 // traced 256 at a time.
 void shield(const Shielding& shielding, const Vec3d& wind, const Colliders& colliders,
             std::span<const double> heights, Strands& strands);
+
+// The rays of one strand, as shield() sends them, and what they find: for a user interface that shows them.
+struct ShelterRay {
+    uint32_t cv = 0;
+    Vec3f from, to; // to: at a mesh, or `offset` upwind
+    float shelter = 0.0F;
+};
+std::vector<ShelterRay> shelter_rays(const Shielding& shielding, const Vec3d& wind,
+                                     const Colliders& colliders, std::span<const double> heights,
+                                     const Strands& strand);
 
 } // namespace marram

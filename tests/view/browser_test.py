@@ -324,6 +324,41 @@ def test_focus(view):
     check("Escape drops the tool", view.js("marram.tools.armed() === null && document.querySelector('#tool_layer').hidden"))
 
 
+def test_air(view):
+    view.settle()
+    view.view_focus()
+    check("nothing is asked for that is not shown", view.js("marram.world.air() === null && marram.air.arrows() === 0"))
+    view.page.key("W", "shift")
+    check("Shift W shows arrows on a plane", view.wait("marram.air.arrows() >= 4 * 400") and view.js("marram.handles.selected().key") == "plane of the air")
+    view.picture("air")
+    before = view.js("JSON.stringify(marram.air.plane.pose.translate)")
+    x, y = view.js("""(() => { const g = marram.handles.gizmo(), p = g.object.getWorldPosition(new THREE.Vector3()), c = marram.world.camera;
+      p.y += 0.6 * p.distanceTo(c.position) * g.size / 7; const box = document.querySelector('#live').getBoundingClientRect(), at = marram.handles.on_screen(p.toArray());
+      return [(at[0] - box.left) / box.width, (at[1] - box.top) / box.height]; })()""")
+    view.page.drag("#live", (x, y), (x, y + 0.05), steps=3)
+    check("it can be dragged", view.js("JSON.stringify(marram.air.plane.pose.translate)") != before)
+    check("which changes no value", view.js("marram.state.scene.changes.length") == 0)
+    view.page.key("X")
+    check("X takes it away", view.wait("marram.air.arrows() === 0 && marram.world.air() === null"))
+    view.page.key("i")
+    view.page.click("#tool_layer", at=(0.5, 0.6))
+    check("I and a click on a strand: without shielding a line says so", view.wait("document.querySelector('#notice').textContent.includes('wind.shielding.shield')"))
+    row = view.open_row("wind.shielding.shield")
+    view.fill(row + " .number", "1")
+    view.wait("marram.state.scene.changes.length === 1")
+    view.settle()
+    view.view_focus()
+    view.page.key("i")
+    view.page.click("#tool_layer", at=(0.5, 0.6))
+    check("with it its rays are shown", view.wait("marram.air.rays() >= 6") and view.wait("/Shelter [0-9.]+: \\d+ of 6 rays/.test(document.querySelector('#notice').textContent)"),
+          view.js("document.querySelector('#notice').textContent"))
+    view.picture("rays")
+    view.page.key("Escape")
+    check("Escape takes them away", view.js("marram.air.rays()") == 0)
+    view.js("document.querySelector('#reset').click()")
+    view.wait("marram.state.scene.changes.length === 0")
+
+
 def test_gusts(view):
     view.settle()
     view.view_focus()
@@ -429,7 +464,7 @@ def main():
             raise BrowserError("no address: " + program.process.stderr.read())
         with Browser() as browser:
             view = View(browser, program.address)
-            for test in (test_opening, test_playing, test_editing, test_searching, test_ramps, test_problems, test_camera, test_focus, test_gusts, test_rendering):
+            for test in (test_opening, test_playing, test_editing, test_searching, test_ramps, test_problems, test_camera, test_focus, test_air, test_gusts, test_rendering):
                 begin = time.monotonic()
                 test(view)
                 print(f"  {time.monotonic() - begin:.1f} s", flush=True)

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Gusts, fields and curves as shapes in the view that can be selected, moved, turned, scaled, keyed, added and deleted.
-import {state, on, byId, make, notice, remembered, remember} from "./state.js";
+import {state, on, emit, byId, make, notice, remembered, remember} from "./state.js";
 import {world} from "./world.js";
 import {player, play, set_time, show_marks} from "./player.js";
 import {set_value} from "./edits.js";
@@ -18,7 +18,8 @@ const new_share = 0.15;   // radius of a new gust in distances of the camera
 const gust_list = "wind.gusts.control";
 const soft_colors = {ff0000: 0xff6464, "00ff00": 0x8fe05a, "0000ff": 0x6aa6ff};
 
-const overlay = new THREE.Scene(), knob = new THREE.Object3D();   // knob: at the selected point of a curve
+export const overlay = new THREE.Scene();
+const knob = new THREE.Object3D();   // knob: at the selected point of a curve
 let gizmo = null, drifting = null, drawing = false;
 let views = new Map(), selected = null, hovered = null;   // {view, point}
 let press = null, drag = null, wanted = null;             // wanted: key of a handle that is selected when it comes
@@ -30,9 +31,15 @@ const live = () => byId("live");
 const visible = () => shown && picture.mode !== "over";
 const present = () => Math.round(player.time ?? 1);
 const shown_frame = () => world.frame ?? player.time ?? 1;
-const redraw = () => { if (!drawing) world.dirty = true; };
+export const redraw = () => { if (!drawing) world.dirty = true; };
 const all_params = () => state.scene ? state.scene.groups.flatMap(group => group.params) : [];
 const has_wind = () => all_params().some(param => param.key === "wind.speed");
+
+// Shapes that are no part of the scene: {handles(): list of handles with on_page and a pose, moved(key, pose), remove(key)}.
+export const page_shapes = [];
+const owner_of = handle => page_shapes.find(owner => owner.handles().some(one => one.key === handle.key));
+export const reload_shapes = () => sync();
+export const select_shape = key => select(views.get(key));
 
 // For tests and the console.
 export const handles = {
@@ -52,6 +59,7 @@ const text_of = view => view.points ? points_text(view.points) : transform_text(
 function take(view, handle) {
   view.handle = handle;
   if (handle.kind === "points") { view.points = [...handle.points]; return; }
+  if (handle.on_page) { view.keys = [{frame: 0, ...handle.pose}]; return; }
   view.keys = keys_of(handle.keys);
   view.interpolation = handle.interpolation || "linear";
   const param = all_params().find(one => one.key === handle.key), value = param && parse_value(param.value);
@@ -60,6 +68,7 @@ function take(view, handle) {
 
 function sync() {
   const from = (state.scene.handles || []).filter(handle => handle.kind === "points" || drawn_shapes.has(handle.shape));
+  from.push(...page_shapes.flatMap(owner => owner.handles()));
   const keys = new Set(from.map(handle => handle.key));
   for (const [key, view] of views) if (!keys.has(key)) { view.dispose(); views.delete(key); }
   for (const handle of from) {
@@ -235,6 +244,7 @@ function dragged() {
     const pose = {translate: object.position.toArray(), rotate: nearest_turn(angles, before.rotate), scale: object.scale.toArray()};
     view.keys = animated(view) ? with_key(drag.keys, drag.frame, pose) : [{...pose, frame: drag.keys[0].frame}];
   }
+  if (view.handle.on_page) { owner_of(view.handle).moved(view.handle.key, pose_of(view)); paint(); return; }
   drag.sent = view.held = true;
   push(view.handle.key, text_of(view));
   paint();
@@ -248,12 +258,14 @@ function on_up(event) {
   select(found && found.view, found ? found.point : -1);
   if (found) reveal(found.view.handle.key);
 }
+const pose_of = ({keys: [{translate, rotate, scale}]}) => ({translate, rotate, scale});
 function end_drag(back) {
   const {view, keys, points, sent, id} = drag;
   gizmo.pointerUp({button: 0});
   if (live().hasPointerCapture(id)) live().releasePointerCapture(id);
   drag = null;
   world.controls.enabled = true;
+  if (back && view.handle.on_page) { view.keys = keys; owner_of(view.handle).moved(view.handle.key, pose_of(view)); }
   if (back && sent) {
     Object.assign(view, {keys, points});
     if (points) view.set_points(points);
@@ -265,7 +277,7 @@ function end_drag(back) {
 
 // ---- keys, adding, deleting ----
 function with_selection(act) {
-  if (selected && visible() && !drag && selected.view.keys) act(selected.view);
+  if (selected && visible() && !drag && selected.view.keys && !selected.view.handle.on_page) act(selected.view);
   else if (!drag) notice(has_wind() ? "Click a gust or a field first." : "The scene has no wind.");
 }
 const add_key = () => with_selection(view => {
@@ -306,7 +318,12 @@ export function add_gust() {
   const calm = all_params().find(param => param.key === "wind.calm");
   if (elements.length === 1 && calm && !calm.given) notice("With gusts the wind between them is calm, which is 0: give calm for more.");
 }
-const remove = () => with_selection(view => {
+const remove = () => {
+  const handle = selected && visible() && !drag ? selected.view.handle : null;
+  if (handle && handle.on_page) owner_of(handle).remove(handle.key);
+  else remove_gust();
+};
+const remove_gust = () => with_selection(view => {
   const {list, index} = view.handle;
   if (sent_list) return;
   const elements = [...elements_now(list)];
@@ -323,6 +340,7 @@ function show_gusts(on) {
   if (!shown) { select(null); hovered = null; live().style.cursor = ""; }
   byId("show_gusts").setAttribute("aria-pressed", shown);
   redraw();
+  emit("handles");
 }
 const mode_key = mode => () => { if (selected && visible() && !drag) set_mode(mode); };
 export const handle_keys = {
@@ -339,7 +357,7 @@ function facts(view, point) {
   const size = object.scale.toArray().map(short), same = size.every(one => one === size[0]);
   const sizes = handle.shape === "sphere" ? (same ? `radius ${size[0]}` : `radii ${size.join(" × ")}`)
     : handle.shape === "grid" ? `scale ${same ? size[0] : size.join(" × ")}` : `half sides ${(handle.shape === "image" ? [size[0], size[2]] : size).join(" × ")}`;
-  return [`${handle.kind} ${handle.index + 1}`, `at ${object.position.toArray().map(short).join(", ")}`, sizes,
+  return [handle.on_page ? handle.name : `${handle.kind} ${handle.index + 1}`, `at ${object.position.toArray().map(short).join(", ")}`, sizes,
     animated(view) ? `${view.keys.length} key${view.keys.length > 1 ? "s" : ""}` : ""];
 }
 function show_line() {
@@ -356,6 +374,7 @@ function show_line() {
   for (const [mode, button] of Object.entries(line.modes)) button.setAttribute("aria-pressed", gizmo.mode === mode);
   for (const button of [...Object.values(line.modes), line.add, line.remove, line.erase]) button.hidden = !!view.points;
   if (view.points) return;
+  line.add.hidden = line.remove.hidden = !!view.handle.on_page;
   line.add.disabled = has_key(view);
   line.remove.disabled = !has_key(view);
 }
@@ -398,6 +417,7 @@ export function start_handles() {
   gizmo.addEventListener("change", redraw);
   overlay.add(gizmo);
   world.draw_overlay = draw;
+  world.shows_gusts = visible;
   make_line();
   const element = live();
   element.addEventListener("pointerdown", on_down, true);
@@ -410,7 +430,7 @@ export function start_handles() {
   byId("show_gusts").setAttribute("aria-pressed", shown);
   byId("show_gusts").onclick = () => show_gusts(!shown);
   byId("add_gust").onclick = add_gust;
-  on("scene", () => { answered(); sync(); byId("show_bar").hidden = !has_wind() && !views.size && !state.scene.values.length; });
+  on("scene", () => { answered(); sync(); for (const id of ["show_plane", "show_rays"]) byId(id).hidden = !has_wind(); byId("show_bar").hidden = !has_wind() && !views.size && !state.scene.values.length; });
   on("problems", message => {
     if (!message.problems.length) return;
     wanted = null;
@@ -425,5 +445,5 @@ export function start_handles() {
     for (const view of views.values()) view.held = false;
   });
   on("shown", header => { drifting.show(header.gusts || []); pose_all(); });
-  on("picture", () => { show_line(); byId("over_view").classList.toggle("covered", picture.mode === "over"); redraw(); });
+  on("picture", () => { show_line(); byId("over_view").classList.toggle("covered", picture.mode === "over"); redraw(); emit("handles"); });
 }

@@ -9,7 +9,8 @@ import {command, edits} from "./edits.js";
 import {start_values, next_value, take_range} from "./values.js";
 import {start_render, toggle, toggle_beside, keep_a, drop_a, set_mode, picture, start_book, turn_leaf, flip_book} from "./render.js";
 import {start_handles, handles, handle_keys, leave_handles} from "./handles.js";
-import {start_tools, toggle_crop, toggle_focus, disarm, tools} from "./tools.js";
+import {start_tools, toggle_crop, toggle_focus, arm, disarm, tools} from "./tools.js";
+import {start_air, toggle_plane, forget_strand, air} from "./air.js";
 import {open_series, start_series, series} from "./series.js";
 import {start_compass, compass} from "./compass.js";
 
@@ -23,7 +24,8 @@ const help = {
     ["M", "trace a part alone: drag a rectangle; again: the whole"], ["D", "focus: click what is to be sharp"],
     ["B", "flip-book: all frames as pictures, then played"], ["Shift B", "frames as files in a folder"], ["Escape", "back to the live view"]],
   "Wind": [["W", "show or hide gusts and fields"], ["click", "select one; beside all: none"], ["1 2 3 or T E S", "move, turn, scale it"], ["K", "a key at this frame; then drag at another"],
-    ["G", "new gust"], ["X or Delete", "delete"], ["Escape", "unselect, take a drag back"], ["dial", "drag turns the wind; Shift: its speed"]],
+    ["G", "new gust"], ["X or Delete", "delete"], ["Escape", "unselect, take a drag back"], ["Shift W", "arrows of the air on a plane, which is moved, turned, scaled like a gust"],
+    ["I", "click a strand: the rays by which it finds shelter"], ["dial", "drag turns the wind; Shift: its speed"]],
   "Parameters": [["/", "search"], ["Ctrl Z", "undo"], ["Ctrl Shift Z", "redo"], ["Ctrl S", "write the changes to the scene file"],
     ["orange dot", "the value differs from the file; click: back to it"], ["drag a number", "change it; Shift: finer"], ["↑ ↓ in a number", "change it; Shift: ten times"],
     ["ramp", "drag knots; double click adds and removes; Delete removes"]],
@@ -46,9 +48,10 @@ const keys = {
   v: event => next_value(event.shiftKey ? -1 : 1), b: event => event.shiftKey ? open_series() : start_book(), l: () => byId("loop").click(), "/": () => { byId("search").focus(); byId("search").select(); },
   a: event => event.shiftKey ? drop_a() : keep_a(),
   ArrowLeft: event => { touch(); step(event.shiftKey ? -10 : -1); }, ArrowRight: event => { touch(); step(event.shiftKey ? 10 : 1); },
-  m: toggle_crop, d: toggle_focus,
-  Escape: () => { if (!disarm() && !leave_handles() && picture.mode !== "off") set_mode("off"); },
+  m: toggle_crop, d: toggle_focus, i: () => arm("rays"),
+  Escape: () => { if (!disarm() && !leave_handles() && !forget_strand() && picture.mode !== "off") set_mode("off"); },
   ...handle_keys,
+  w: event => event.shiftKey ? toggle_plane() : handle_keys.w(),
 };
 
 const is_text = element => element.matches("input:not([type=range],[type=checkbox],[type=color]),textarea");
@@ -111,10 +114,11 @@ if (start_world()) {
   start_values();
   on("shown", header => take_range(header.values));
   start_handles();
+  start_air();
   start_tools();
   start_series();
   start_compass();
   connect();
   requestAnimationFrame(loop);
 }
-window.marram = {state, on, world, player, picture, flip_book, edits, handles, compass, tools, series, options_text};   // for the console and for tests
+window.marram = {state, on, world, player, picture, flip_book, edits, handles, compass, tools, series, air, options_text};   // for the console and for tests

@@ -32,7 +32,7 @@ export function send(message) {
   return true;
 }
 
-const text_types = new Set(["scene", "problems", "progress", "saved", "skipped", "render_done", "series", "series_done"]);
+const text_types = new Set(["scene", "problems", "progress", "saved", "skipped", "render_done", "series", "series_done", "rays"]);
 const binary_types = new Set(["meshes", "strands", "frame", "image", "series_picture"]);
 
 function receive(data) {

@@ -67,6 +67,9 @@ function ask(time, now) {
   const small = world.strands.vertices() < 400000;
   const message = {type: "frame", seq: ++seq, frame: Number(time.toFixed(4)), budget: strands, encoding: at_rest && small ? "f32" : "u16"};
   if (world.values?.name) message.values = world.values.name;
+  message.gusts = !world.shows_gusts || world.shows_gusts();
+  const air = world.air?.();
+  if (air) message.air = air;
   if (!send(message)) return;
   unanswered.set(seq, {sent: now, revision: player.max_revision});
   last_asked = {time: message.frame, budget: strands, encoding: message.encoding};
@@ -140,7 +143,7 @@ on("frame", (header, payload) => {
   if (request) line = smooth(line, Math.max(0, now - request.sent - header.chain_ms));
   if (player.frames > 1) budget.answered(world.strands.shown, header.chain_ms + (header.other_ms || 0));
   if (player.playing && player.speed === "every") { player.time = header.frame; show_time(); }
-  emit("shown", header);
+  emit("shown", header, payload);
 });
 
 // The rate of drawn frames, as told by the drawing loop.

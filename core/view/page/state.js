@@ -7,8 +7,8 @@ export const state = {
   software: false,  // WebGL runs on the processor
 };
 
-// Events: "scene", "strands", "meshes", "frame", "skipped", "image", "render_done", "series", "series_picture", "series_done", "problems", "progress", "saved" as they come from the
-// server; "open", "closed" of the connection; "camera" at each move; "edit" when a value is sent; "picture" when one is shown or hidden; "crop" when another part of it is traced; "redraw" wants a new
+// Events: "scene", "strands", "meshes", "frame", "skipped", "rays", "image", "render_done", "series", "series_picture", "series_done", "problems", "progress", "saved" as they come from the
+// server; "open", "closed" of the connection; "camera" at each move; "edit" when a value is sent; "picture" when one is shown or hidden; "crop" when another part of it is traced; "handles" when shapes are shown or hidden; "redraw" wants a new
 // drawing.
 const listeners = new Map();
 export function on(type, listener) {

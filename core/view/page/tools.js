@@ -5,8 +5,10 @@ import {picture, set_crop, set_mode} from "./render.js";
 import {set_value} from "./edits.js";
 import {number_text} from "./toml.js";
 import {pick} from "./pick.js";
+import {pick_strand} from "./air.js";
 
 const least_part = 4;   // pixels: less was a click
+const buttons = {crop: "crop", rays: "show_rays", focus: "focus"};
 let armed = null, drag = null;
 export const tools = {armed: () => armed};
 
@@ -14,6 +16,12 @@ export const tools = {armed: () => armed};
 function box_of(event) {
   const boxes = [byId("picture"), byId("live")].filter(element => !element.hidden).map(element => element.getBoundingClientRect());
   return boxes.find(box => event.clientX >= box.left && event.clientX <= box.right) || boxes[0];
+}
+
+// The place of the view that is under a place of the view or, with its camera, of the picture.
+function place_in_view(from, to, box) {
+  const live = byId("live").getBoundingClientRect();
+  return [live.left + (to.clientX - box.left) / box.width * live.width, live.top + (to.clientY - box.top) / box.height * live.height];
 }
 
 const kinds = {
@@ -27,12 +35,14 @@ const kinds = {
     },
     end(part) { if (part) set_crop(part); },
   },
+  rays: {
+    hint: "Click a strand: the rays by which it finds shelter.",
+    move: place_in_view,
+    end(at) { pick_strand(pick(...at)?.strand); },
+  },
   focus: {
     hint: "Click what is to be sharp.",
-    move(from, to, box) {   // the picture has the view's camera
-      const live = byId("live").getBoundingClientRect();
-      return [live.left + (to.clientX - box.left) / box.width * live.width, live.top + (to.clientY - box.top) / box.height * live.height];
-    },
+    move: place_in_view,
     end(at) {
       const found = pick(...at);
       if (!found) { notice("There is only sky: click a strand or a mesh."); return; }
@@ -51,7 +61,7 @@ export function arm(name) {
   armed = armed === name ? null : name;
   drag = null;
   byId("tool_layer").hidden = !armed;
-  for (const kind of Object.keys(kinds)) byId(kind).setAttribute("aria-pressed", armed === kind || kind === "crop" && !!picture.crop);
+  for (const kind of Object.keys(kinds)) byId(buttons[kind]).setAttribute("aria-pressed", armed === kind || kind === "crop" && !!picture.crop);
   show_part(picture.crop);
   notice(armed ? kinds[armed].hint + " Escape: not." : "", !!armed, true);
 }
@@ -98,5 +108,5 @@ export function start_tools() {
   byId("crop").onclick = toggle_crop;
   byId("focus").onclick = toggle_focus;
   on("crop", () => { byId("crop").setAttribute("aria-pressed", !!picture.crop); show_part(picture.crop); });
-  on("picture", mode => { if (mode === "off" && armed === "crop") disarm(); });
+  on("picture", mode => { if (mode === "off" && armed === "crop" || mode === "over" && armed === "rays") disarm(); });
 }

@@ -7,11 +7,15 @@
 #include <gtest/gtest.h>
 
 #include <atomic>
+#include <cmath>
 #include <functional>
 #include <random>
 
 namespace marram::testing {
 namespace {
+
+void sink_of_air(void*, const double*, const double*, double) {}
+void sink_of_rays(void*, uint32_t, const double*, const double*, double) {}
 
 // ---- Values ----
 
@@ -439,6 +443,12 @@ TEST_F(FaultyHost, IsToldOfNullPointers) {
         if (calls.gusts) {
             EXPECT_EQ(calls.gusts(nullptr, nullptr, nullptr), MARRAM_ERROR);
         }
+        if (calls.air) {
+            EXPECT_EQ(calls.air(nullptr, 0, nullptr, nullptr, nullptr), MARRAM_ERROR);
+        }
+        if (calls.shelter_rays) {
+            EXPECT_EQ(calls.shelter_rays(nullptr, 0, nullptr, nullptr, nullptr, nullptr), MARRAM_ERROR);
+        }
         calls.report(nullptr, nullptr, nullptr);
         calls.destroy(nullptr);
 
@@ -465,6 +475,29 @@ TEST_F(FaultyHost, IsToldOfNullPointers) {
         if (calls.gusts)
             called.expect_error(calls.gusts(called.instance, nullptr, nullptr), "contract.null_sink",
                                 "no sink");
+        if (calls.air) {
+            const double point[3] = {0.0, 0.0, 0.0};
+            called.expect_error(calls.air(called.instance, 1, point, nullptr, nullptr), "contract.null_sink",
+                                "no sink");
+            called.expect_error(calls.air(called.instance, 1, nullptr, sink_of_air, nullptr),
+                                "contract.null_points", "no points");
+            const double far[3] = {0.0, std::nan(""), 0.0};
+            called.expect_error(calls.air(called.instance, 1, far, sink_of_air, nullptr),
+                                "contract.far_point", "no number");
+            EXPECT_EQ(calls.air(called.instance, 0, nullptr, sink_of_air, nullptr), MARRAM_OK);
+        }
+        if (calls.shelter_rays) {
+            const double cvs[6] = {0.0, 0.0, 0.0, 0.0, 1.0, 0.0};
+            called.expect_error(calls.shelter_rays(called.instance, 2, cvs, cvs + 3, nullptr, nullptr),
+                                "contract.null_sink", "no sink");
+            called.expect_error(
+                calls.shelter_rays(called.instance, 2, nullptr, cvs + 3, sink_of_rays, nullptr),
+                "contract.null_points", "no CVs");
+            called.expect_error(calls.shelter_rays(called.instance, 2, cvs, nullptr, sink_of_rays, nullptr),
+                                "contract.null_points", "no normal");
+            EXPECT_EQ(calls.shelter_rays(called.instance, 0, nullptr, cvs + 3, sink_of_rays, nullptr),
+                      MARRAM_OK);
+        }
         if (calls.mesh)
             called.expect_error(calls.mesh(called.instance, nullptr), "contract.null_buffer", "no buffers");
         if (calls.tessellate)
@@ -621,6 +654,14 @@ TEST_F(FaultyHost, IsToldOfCallsOutOfOrder) {
                     calls.gusts(
                         called.instance, [](void*, const double*, double, double) {}, nullptr),
                     "contract.no_frame", "gusts");
+            const double point[3] = {0.0, 1.0, 0.0};
+            if (calls.air)
+                called.expect_error(calls.air(called.instance, 1, point, sink_of_air, nullptr),
+                                    "contract.no_frame", "air");
+            if (calls.shelter_rays)
+                called.expect_error(
+                    calls.shelter_rays(called.instance, 1, point, point, sink_of_rays, nullptr),
+                    "contract.no_frame", "shelter_rays");
             if (calls.view_mesh)
                 called.expect_error(calls.view_mesh(called.instance, &mesh_buffers), "contract.no_view",
                                     "view_mesh");

@@ -4,6 +4,7 @@
 #include "core/scene/value_text.h"
 #include "core/shot/settings.h"
 #include "core/view/handles.h"
+#include "core/view/shown_wind.h"
 #include "core/world/build.h"
 
 #include <gtest/gtest.h>
@@ -427,6 +428,73 @@ TEST_F(OpenSceneTest, RandomGustsAreWhereTheStrandsFeelThem) {
     }
     EXPECT_GT(touched, 100U);
     EXPECT_EQ(missed, 0U);
+}
+
+class ShownWindTest : public OpenSceneTest {
+  protected:
+    // The scene with more lines of [wind], at a frame. The shot is in `scene`.
+    World world_of(const std::string& wind, double frame, MarramStage stage = MARRAM_FINAL) {
+        std::string text = scene_text;
+        text.replace(text.find("jiggle ="), 0, wind);
+        write(text);
+        scene.emplace(file, Overrides{}, stop);
+        scene->load();
+        set_frame(*scene->shot(), frame);
+        BuildSettings settings = build_settings(*scene->shot(), frame);
+        settings.trace_curves = false;
+        settings.stage = stage;
+        settings.attributes = {"root_normal", "shield"};
+        BuildProgress progress;
+        BuildStats stats;
+        return build_world(scene->shot()->geometry, settings, stop, progress, stats);
+    }
+    std::optional<OpenScene> scene;
+};
+
+TEST_F(ShownWindTest, TheAirHasFieldsGustsAndNoise) {
+    world_of(
+        "calm = 0.25\ngusts = { control = [{ transform = { translate = [5, 0, 0] } }] }\n"
+        "field = [{ shape = \"sphere\", velocity = [0, 3, 0], transform = { translate = [-5, 0, 0] } }]\n",
+        3);
+    WireMessage message;
+    add_air(*scene->shot(), {{0.0, 0.0, 0.0}, {15.0, 0.0, 0.0}, {0.0, 0.0, 0.5}, 3, 1}, message);
+    ASSERT_EQ(message.header["air"]["counts"], (nlohmann::json{3, 1}));
+    const auto* v = reinterpret_cast<const float*>(message.at(message.header["air"]["offset"].get<size_t>()));
+    for (int i = 0; i < 3; ++i) {
+        EXPECT_NEAR(v[7 * i], 6.0, 1e-5); // the wind blows along x
+        EXPECT_GT(std::hypot(v[7 * i + 3], v[7 * i + 4], v[7 * i + 5]), 0.01);
+        EXPECT_LT(std::hypot(v[7 * i + 3], v[7 * i + 4], v[7 * i + 5]), 0.4 * std::sqrt(3.0));
+    }
+    EXPECT_NEAR(v[1], 0.0, 1e-5); // at -10
+    EXPECT_NEAR(v[6], 0.25, 1e-6);
+    WireMessage near;
+    add_air(*scene->shot(), {{-5.0, 0.0, 0.0}, {0.1, 0.0, 0.0}, {0.0, 0.0, 0.1}, 1, 1}, near);
+    EXPECT_NEAR(reinterpret_cast<const float*>(near.at(0))[1], 3.0, 1e-5); // in the field
+    add_air(*scene->shot(), {{5.0, 0.0, 0.0}, {0.1, 0.0, 0.0}, {0.0, 0.0, 0.1}, 1, 1}, near);
+    EXPECT_GT(reinterpret_cast<const float*>(near.at(near.header["air"]["offset"].get<size_t>()))[6], 0.9F);
+}
+
+TEST_F(ShownWindTest, RaysFindTheShelterThatStrandsHave) {
+    for (const char* more : {"", ", spread = 20, rays = 12", ", wake = 2"}) {
+        const std::string wind = fmt::format("shielding = {{ shield = 1{} }}\n", more);
+        const World blown = world_of(wind, 3);
+        const CurveGeometry& curves = blown.curves.at(0);
+        const CurveLayout layout = curves.layout();
+        const std::vector<float> felt = find_attribute(curves.attributes, "shield")->values;
+        const World rest = world_of(wind, 3, MARRAM_REST);
+        size_t some = 0;
+        for (uint64_t strand = 0; strand < layout.curve_count; strand += 7) {
+            const nlohmann::json message = rays_message(*scene->shot(), rest, 0, strand);
+            EXPECT_NEAR(message["shelter"].get<double>(),
+                        double(felt[layout.first_vertex(strand) - 2 * strand]), 0.02)
+                << more << " " << strand;
+            EXPECT_EQ(message["rest"].size(), layout.cvs(strand));
+            some += message["shelter"].get<double>() > 0.0;
+        }
+        EXPECT_GT(some, 3U);
+    }
+    const World none = world_of("", 3, MARRAM_REST);
+    EXPECT_TRUE(rays_message(*scene->shot(), none, 0, 1)["rays"].empty());
 }
 
 TEST_F(OpenSceneTest, WarnsOnceOfEachThing) {

@@ -11,6 +11,7 @@
 #include <array>
 #include <fmt/format.h>
 #include <map>
+#include <sstream>
 
 namespace marram {
 namespace {
@@ -313,10 +314,29 @@ class Differences {
     // A table without a text of its own, such as `a` in { a.b = 1 }.
     static bool is_dotted(const toml::node& node) { return node.is_table() && !node.as_table()->is_inline(); }
 
+    std::string given_text(const toml::node& node) const {
+        const size_t begin = offset_of(value_.text, node.source().begin);
+        return value_.text.substr(begin, value_end(value_.text, begin) - begin);
+    }
+
+    static bool is_list_of_tables(const toml::node& node) {
+        const toml::array* list = node.as_array();
+        return list && list->size() > 1 &&
+               std::ranges::all_of(*list, [](const toml::node& one) { return one.is_table(); });
+    }
+
+    // An element a line. A list that is written over several lines stays as it is.
+    std::string list_text(const toml::array& list) const {
+        if (given_text(list).find('\n') != std::string::npos) return given_text(list);
+        std::string out = "[";
+        for (const toml::node& one : list) out += "\n    " + given_text(one) + ",";
+        return out + "\n]";
+    }
+
     std::string text_of(const toml::node& node) const {
         if (value_.has(node) && !is_dotted(node)) {
-            const size_t begin = offset_of(value_.text, node.source().begin);
-            return value_.text.substr(begin, value_end(value_.text, begin) - begin);
+            if (is_list_of_tables(node)) return list_text(*node.as_array());
+            return given_text(node);
         }
         if (!node.is_table()) return ""; // the check of the result reports it
         std::string out;
@@ -514,7 +534,50 @@ void write_setting(Document& document, toml::table& wanted, const std::string& s
                      "write it into the file by hand");
 }
 
+// The place where two trees differ, in the first of them; nullptr: it has nothing there, or they are the same.
+const toml::node* first_difference(const toml::node& node, const toml::node& other) {
+    const bool tables = node.is_table() && other.is_table();
+    const bool lists =
+        node.is_array() && other.is_array() && node.as_array()->size() == other.as_array()->size();
+    if (!tables && !lists) return &node;
+    const Entries inner = entries_of(node), inner_of_other = entries_of(other);
+    for (const auto& [key, one] : inner)
+        for (const auto& [other_key, another] : inner_of_other)
+            if (key == other_key && !is_same(*one, *another)) return first_difference(*one, *another);
+    return nullptr;
+}
+
+// On one line.
+std::string inline_text(const toml::node& node) {
+    std::string out;
+    for (const auto& [key, inner] : entries_of(node))
+        out +=
+            (out.empty() ? "" : ", ") + (node.is_table() ? key_text(key) + " = " : "") + inline_text(*inner);
+    if (node.is_table()) return out.empty() ? "{}" : "{ " + out + " }";
+    if (node.is_array()) return "[" + out + "]";
+    if (const auto* text = node.as_string()) return string_text(text->get());
+    std::ostringstream number;
+    node.visit([&](const auto& own) {
+        if constexpr (toml::is_value<decltype(own)>) number << own;
+    });
+    return number.str();
+}
+
 } // namespace
+
+std::optional<std::string> value_in_scene(const std::string& text, const std::string& file,
+                                          const std::vector<std::string>& settings, const std::string& key) {
+    Document document = read_document(text.substr(byte_order_mark(file, text)), file);
+    Reading reading;
+    reading.file = file;
+    apply_settings(document.tree, settings, reading);
+    toml::table other(document.tree);
+    const size_t known = reading.problems.size();
+    apply_settings(other, {key + "=\"value that no scene has\""}, reading);
+    if (reading.problems.size() > known) return {};
+    const toml::node* const found = first_difference(document.tree, other);
+    return found ? std::optional(inline_text(*found)) : std::nullopt;
+}
 
 std::string edited_scene(const std::string& text, const std::string& file,
                          std::span<const std::string> settings) {

@@ -139,7 +139,9 @@ bool LiveView::attempt(std::vector<Problem>& problems, const std::function<void(
     }
     problems = std::move(found);
     problems_ = told();
-    if (problems_ != before) tell_all(problems_);
+    // The same mistake of another change is told again: its page waits for that.
+    const bool again = !problems.empty() && &problems == &change_problems_;
+    if (problems_ != before || again) tell_all(problems_);
     return problems.empty();
 }
 

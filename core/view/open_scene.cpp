@@ -6,6 +6,7 @@
 
 #include <fmt/format.h>
 
+#include <deque>
 #include <fstream>
 #include <iterator>
 #include <utility>
@@ -29,6 +30,16 @@ bool is_within(const std::string& given, const std::string& key) {
     if (!given.starts_with(key)) return false;
     const char next = given.size() > key.size() ? given[key.size()] : '=';
     return next == '=' || next == '.' || next == '[';
+}
+
+// Of a declared parameter that has one. A list of tables, which `value` is then, has none in it.
+std::optional<std::string> default_of(const Shot& shot, const std::string& key, const std::string& value) {
+    if (value.starts_with("[{") || value.starts_with("[ {")) return "[]";
+    for (const auto& group : parameter_groups(shot, {}))
+        for (const auto& param : group["params"])
+            if (param["key"] == key && param["initial"] != "none" && param["initial"] != "")
+                return param["initial"].get<std::string>();
+    return {};
 }
 
 std::vector<std::string> settings_of(const ChangedValues& values) {
@@ -133,20 +144,62 @@ void OpenScene::redo() {
 void OpenScene::reset() { take({}); }
 
 void OpenScene::save() {
-    const std::vector<std::string> settings = settings_of(changed());
+    const ChangedValues settings_by_key = changed();
+    const std::vector<std::string> settings = settings_of(settings_by_key);
     if (settings.empty()) return;
     if (shot_)
         describe_scene(file_, this->settings(), *shot_->plugins); // else mistakes would hide what is saved
-    const std::string text = edited_scene(text_of_file(file_), file_, settings);
+    const std::string before = text_of_file(file_), text = edited_scene(before, file_, settings);
     AtomicFile file(file_);
     file.write(text);
     file.commit();
     stamps_[file_] = stamps_now()[file_];
-    for (const auto& [key, value] : changed()) // the file has them now
+    rebase_history(before);
+    for (const auto& [key, value] : settings_by_key) // the file has them now
         std::erase_if(overrides_.settings, [&](const std::string& given) { return is_within(given, key); });
-    history_ = {{}};
-    at_ = gesture_ = 0;
     apply({});
+}
+
+// Each state as changes of the file as it is now, which has those of the present one.
+void OpenScene::rebase_history(const std::string& text) {
+    const ChangedValues saved = changed();
+    std::map<std::string, std::optional<std::string>> old;
+    for (const auto& [key, value] : saved) {
+        old[key] = value_in_scene(text, file_, overrides_.settings, key);
+        if (!old[key] && shot_) old[key] = default_of(*shot_, key, value);
+    }
+    const auto rebased = [&](const ChangedValues& state) -> std::optional<ChangedValues> {
+        ChangedValues now = state;
+        for (const auto& [key, value] : old) {
+            const auto holds = [&](const auto& one) { return is_within(key, one.first); };
+            if (std::ranges::any_of(state, holds)) continue;
+            if (!value) return {};
+            now[key] = *value;
+        }
+        std::erase_if(now, [&](const auto& one) {
+            const auto same = saved.find(one.first);
+            const auto holds = [&](const auto& other) {
+                return other.first != one.first && is_within(one.first, other.first);
+            };
+            return same != saved.end() && same->second == one.second && std::ranges::none_of(now, holds);
+        });
+        return now;
+    };
+    std::deque<ChangedValues> states{{}};
+    size_t at = 0;
+    for (size_t i = at_; i-- > 0; ++at) {
+        std::optional<ChangedValues> state = rebased(history_[i]);
+        if (!state) break;
+        states.push_front(*std::move(state));
+    }
+    for (size_t i = at_ + 1; i < history_.size(); ++i) {
+        std::optional<ChangedValues> state = rebased(history_[i]);
+        if (!state) break;
+        states.push_back(*std::move(state));
+    }
+    history_.assign(states.begin(), states.end());
+    at_ = at;
+    gesture_ = 0;
 }
 
 OpenScene::Stamps OpenScene::stamps_now() const {

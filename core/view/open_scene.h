@@ -29,7 +29,9 @@ class OpenScene {
     void undo();
     void redo();
     void reset(); // all values back to the file's
-    void save();  // writes the changed values into the scene file, which must be without mistakes
+    // Writes the changed values into the scene file, which must be without mistakes. Undo goes on to the states before,
+    // which then differ from the file; not beyond a value that the file did not have, and that has no default.
+    void save();
 
     // True once for each change: a file differs in time or size from what was read, and is as it was at the
     // previous call, so that its writer has finished. To be polled, about four times a second. A file that is
@@ -51,6 +53,7 @@ class OpenScene {
     void take(ChangedValues values, uint64_t gesture = 0); // as the newest of the history
     void apply(const ChangedValues& values);
     void load_with(const Overrides& overrides);
+    void rebase_history(const std::string& text); // of the file before it was saved
     void read_stamps();
     Stamps stamps_now() const;
 

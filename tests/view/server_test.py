@@ -201,6 +201,9 @@ def changes(folder, scene, address):
     one.send(type="set", key="wind.speed", value='"fast"')
     problems = two.until("problems")["problems"]
     check("a mistake is told to all", len(problems) == 1 and "wind.speed" in problems[0]["what"], problems)
+    one.until("problems")
+    one.send(type="set", key="wind.speed", value='"fast"')
+    check("the same mistake is told again", one.until("problems")["problems"] == problems and two.until("problems")["problems"] == problems)
     ask(two, 2, 5)
     check("the last good state stays", vertices_of_frame(two)[0] == vertices)
     one.send(type="undo")

@@ -242,6 +242,42 @@ TEST_F(OpenSceneTest, SavesChangedValuesAndNothingElse) {
     EXPECT_EQ(read(file), text);
 }
 
+TEST_F(OpenSceneTest, UndoesBeyondASave) {
+    OpenScene scene(file, {}, stop);
+    scene.load();
+    const std::vector<float> at_first = strands(*scene.shot(), 5);
+    scene.set("wind.speed", "9.5");
+    const std::vector<float> faster = strands(*scene.shot(), 5);
+    scene.set("wind.global_rotate", "0.25"); // which the file does not have
+    scene.set("wind.gusts.control", "[{ strength = 2 }, { strength = 3 }]");
+    const std::vector<float> gusty = strands(*scene.shot(), 5);
+    scene.undo();
+    scene.save();
+    EXPECT_TRUE(scene.changed().empty() && scene.can_undo() && scene.can_redo());
+    const std::string saved = read(file);
+    scene.undo();
+    EXPECT_EQ(scene.changed(), (ChangedValues{{"wind.global_rotate", "0.6"}}));
+    EXPECT_EQ(strands(*scene.shot(), 5), faster);
+    scene.undo();
+    EXPECT_EQ(scene.changed(), (ChangedValues{{"wind.global_rotate", "0.6"}, {"wind.speed", "6"}}));
+    EXPECT_EQ(strands(*scene.shot(), 5), at_first);
+    EXPECT_FALSE(scene.can_undo());
+    EXPECT_EQ(read(file), saved); // until it is saved again
+    for (int i = 0; i < 3; ++i) scene.redo();
+    EXPECT_EQ(strands(*scene.shot(), 5), gusty);
+    scene.save();
+    EXPECT_NE(read(file).find("[\n    { strength = 2 },\n    { strength = 3 },\n]"), std::string::npos)
+        << read(file);
+    scene.undo();
+    EXPECT_EQ(scene.changed(), (ChangedValues{{"wind.gusts.control", "[]"}}));
+    EXPECT_TRUE(handles_of(*scene.shot()).empty());
+    scene.reset();
+    // A value that had none before, and has no default, is where it ends.
+    scene.set("camera.focus", "2");
+    scene.save();
+    EXPECT_FALSE(scene.can_undo());
+}
+
 TEST_F(OpenSceneTest, TakesUpWhatAnEditorSaves) {
     OpenScene scene(file, {}, stop);
     scene.load();

@@ -63,8 +63,22 @@ function nice(value) {
   return [1, 2, 5, 10].map(n => n * power).find(n => n >= value * 0.999999);
 }
 
-// {low, high, log} of a slider: the declared ends where they are reasonable, else from the values.
-export function range_of(param, value) {
+// The value of the scene file, as far as the page has seen it: by key.
+const in_file = new Map();
+function file_value(param) {
+  if (!param.changed || !in_file.has(param.key)) in_file.set(param.key, Number(param.value) || 0);
+  return in_file.get(param.key);
+}
+
+// {low, high, log} of a slider: the declared ends where they are reasonable, else from the default and the value in the file. A value
+// beyond them widens it, while it is there.
+export function range_of(param, value, anchor = value) {
+  const range = plain_range(param, anchor);
+  if (value > range.high) range.high = Math.min(param.max ?? Infinity, Math.max(value, nice(value)));
+  if (value < range.low) range.low = Math.max(param.min ?? -Infinity, value < 0 ? Math.min(value, -nice(-value)) : value);
+  return range;
+}
+function plain_range(param, value) {
   const whole = param.type === "integer", initial = Number(param.initial);
   const sizes = [Math.abs(value), Math.abs(initial)].filter(size => size > 0 && Number.isFinite(size));
   const size = sizes.length ? Math.max(...sizes) : whole ? 4 : 0.5;
@@ -81,7 +95,8 @@ export function range_of(param, value) {
 }
 
 function number_control(param, change) {
-  let now = param, range = range_of(param, Number(param.value) || 0), held = false;
+  const range_now = of => range_of(of, Number(of.value) || 0, file_value(of));
+  let now = param, range = range_now(param), held = false;
   const whole = param.type === "integer";
   const slider = make("input", {type: "range", min: 0, max: steps, step: 1, "aria-label": param.key});
   const to_share = value => range.log ? Math.log(Math.max(value, range.low) / range.low) / Math.log(range.high / range.low)
@@ -126,7 +141,7 @@ function number_control(param, change) {
     slider.classList.toggle("empty", !fine);
     if (!held) field.show(fine ? next.value : "");
     if (!fine || held) return;
-    if (value < range.low || value > range.high) range = range_of(next, value);
+    range = range_now(next);
     place(value);
   }};
 }

@@ -36,6 +36,12 @@ function build(scene) {
   if (searched) filter(searched);
 }
 
+// Gusts and fields have the names that they have in the view.
+function heading(prefix) {
+  const [, list, index] = /^(gusts\.control|field)\[(\d+)\]/.exec(prefix) || [];
+  return index === undefined ? [prefix] : [make("b", {}, `${list === "field" ? "field" : "gust"} ${Number(index) + 1}`), ` ${prefix}`];
+}
+
 // Rows are made when a group is first opened.
 function fill(group) {
   if (group.built) return;
@@ -43,7 +49,7 @@ function fill(group) {
   let prefix = "";   // of names with dots: one heading for all that share it
   for (const param of group.params) {
     const label = param.label || param.key, dot = label.lastIndexOf("."), now = label.slice(0, Math.max(0, dot));
-    if (now !== prefix && now) group.rows_element.append(make("div", {class: "sub"}, now));
+    if (now !== prefix && now) group.rows_element.append(make("div", {class: "sub"}, ...heading(now)));
     if (now !== prefix && !now) group.rows_element.append(make("div", {class: "sub", "aria-hidden": true}));
     prefix = now;
     group.rows_element.append(row_of(group, param, label.slice(dot + 1)).element);
@@ -54,7 +60,8 @@ function row_of(group, param, name) {
   const row = {param, control: null};
   const dot = make("button", {class: "dot", tabindex: -1, onclick: () => set_value(row.param.changed_by || param.key, null)});
   const unit = param.unit ? [make("span", {class: "unit"}, param.unit)] : [];
-  const label = make("span", {class: "label", title: name + (param.unit ? ` in ${param.unit}` : "")}, name, ...unit);
+  const parts = name.split("_").flatMap((part, i) => i ? ["_", make("wbr"), part] : [part]);   // a long name has two lines
+  const label = make("span", {class: "label", title: name + (param.unit ? ` in ${param.unit}` : "")}, ...parts, ...unit);
   row.element = make("div", {class: "row", "data-key": param.key, onpointerenter: () => hint(row.param), onfocusin: () => hint(row.param)}, dot, label);
   row.dot = dot;
   row.update = next => {

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The shapes of gusts, fields and curves as lines in the view, and which of them lies under the pointer.
+import {state} from "./state.js";
 import {triples} from "./handle_values.js";
 
 const THREE = window.THREE;
@@ -168,17 +169,19 @@ export function pick(views, at, camera, width, height) {
   return best;
 }
 
-// Random gusts of a frame: thin spheres, which fade with their strength; many are paler.
+// Random gusts of a frame: thin spheres, which fade with their strength; many are paler. Software GL takes its time for each line: fewer
+// there, and only those in front.
 export class Drifting {
   constructor(parent) {
     this.parent = parent;
-    this.geometry = geometry_of(circles(40));
+    this.geometry = geometry_of(circles(state.software ? 20 : 40));
     this.spheres = [];
   }
   show(gusts) {
     while (this.spheres.length < gusts.length) {
       const sphere = new THREE.Object3D();
-      sphere.add(...lines(this.geometry, drifting_opacity, THREE.LineSegments, THREE.LineBasicMaterial, {color: colors.drifting}));
+      const passes = lines(this.geometry, drifting_opacity, THREE.LineSegments, THREE.LineBasicMaterial, {color: colors.drifting});
+      sphere.add(...passes.slice(0, state.software ? 1 : 2));
       this.parent.add(sphere);
       this.spheres.push(sphere);
     }

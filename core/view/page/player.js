@@ -174,11 +174,12 @@ function show_time(force = false) {   // also the field
   const key = [width, height, ratio, first, last, time.toFixed(2), player.marks].join();
   if (key === scrub_drawn && !force) return;
   scrub_drawn = key;
-  scrub.width = width * ratio;
-  scrub.height = height * ratio;
+  const wanted = [width * ratio, height * ratio].map(Math.floor);
+  if (scrub.width !== wanted[0] || scrub.height !== wanted[1]) [scrub.width, scrub.height] = wanted;   // which clears it, at a cost
   for (const [name, value] of [["valuemin", first], ["valuemax", last], ["valuenow", text]]) scrub.setAttribute("aria-" + name, value);
-  const context = scrub.getContext("2d"), rem = parseFloat(getComputedStyle(document.documentElement).fontSize);
-  context.scale(ratio, ratio);
+  const context = scrub.getContext("2d", {willReadFrequently: state.software}),   // not by software GL
+    rem = parseFloat(getComputedStyle(document.documentElement).fontSize);
+  context.setTransform(ratio, 0, 0, ratio, 0, 0);
   context.font = `${0.85 * rem}px system-ui, sans-serif`;
   context.textAlign = "center";
   const x = frame => margin(rem) + (last > first ? (frame - first) / (last - first) : 0.5) * (width - 2 * margin(rem));

@@ -321,6 +321,7 @@ export function add_gust() {
 const remove = () => {
   const handle = selected && visible() && !drag ? selected.view.handle : null;
   if (handle && handle.on_page) owner_of(handle).remove(handle.key);
+  else if (handle && handle.kind === "points") remove_point();
   else remove_gust();
 };
 const remove_gust = () => with_selection(view => {
@@ -331,6 +332,30 @@ const remove_gust = () => with_selection(view => {
   elements.splice(index, 1);
   select(null);
   set_list(list, elements);
+});
+
+// ---- points of a drawn curve ----
+function with_point(act) {
+  if (selected && visible() && !drag && selected.point >= 0) act(selected.view, triples(selected.view.points), selected.point);
+  else if (!drag) notice("Click a point of a drawn curve first.");
+}
+function put_points(view, points, point) {
+  select(null);
+  view.points = points.flat();
+  view.set_points(view.points);
+  put(view);
+  select(view, point);
+}
+// Half way to the next point or, after the last, as far again.
+const add_point = () => with_point((view, points, point) => {
+  const here = points[point], next = points[point + 1] || view.handle.closed && points[0], before = points[point - 1];
+  const new_point = here.map((value, k) => next ? (value + next[k]) / 2 : 2 * value - before[k]);
+  put_points(view, points.toSpliced(point + 1, 0, new_point), point + 1);
+});
+const remove_point = () => with_point((view, points, point) => {
+  const least = view.handle.closed ? 3 : 2;
+  if (points.length <= least) { notice(`A ${view.handle.closed ? "closed curve has three points" : "curve has two points"} at least.`); return; }
+  put_points(view, points.toSpliced(point, 1), Math.min(point, points.length - 2));
 });
 
 function show_gusts(on) {
@@ -344,7 +369,7 @@ function show_gusts(on) {
 }
 const mode_key = mode => () => { if (selected && visible() && !drag) set_mode(mode); };
 export const handle_keys = {
-  w: () => show_gusts(!shown), g: add_gust, k: add_key, Delete: remove, x: remove,
+  w: () => show_gusts(!shown), g: add_gust, k: add_key, n: add_point, Delete: remove, x: remove,
   1: mode_key("translate"), 2: mode_key("rotate"), 3: mode_key("scale"), t: mode_key("translate"), e: mode_key("rotate"), s: mode_key("scale"),
 };
 
@@ -372,7 +397,9 @@ function show_line() {
     line.facts.replaceChildren(...rest.filter(Boolean).map(fact => make("span", {}, fact)));
   }
   for (const [mode, button] of Object.entries(line.modes)) button.setAttribute("aria-pressed", gizmo.mode === mode);
-  for (const button of [...Object.values(line.modes), line.add, line.remove, line.erase]) button.hidden = !!view.points;
+  for (const button of [...Object.values(line.modes), line.add, line.remove]) button.hidden = !!view.points;
+  line.insert.hidden = !(selected.point >= 0);
+  line.erase.hidden = !!view.points && line.insert.hidden;
   if (view.points) return;
   line.add.hidden = line.remove.hidden = !!view.handle.on_page;
   line.add.disabled = has_key(view);
@@ -384,8 +411,8 @@ function make_line() {
     modes: {translate: button("move", "Move (1 or T)", mode_key("translate")), rotate: button("turn", "Turn (2 or E)", mode_key("rotate")),
       scale: button("scale", "Scale (3 or S)", mode_key("scale"))},
     add: button("key", "A key at this frame (K)", add_key), remove: button("remove key", "Remove the key of this frame", remove_key),
-    erase: button("delete", "Delete (Delete or X)", remove)};
-  line.box.replaceChildren(line.name, line.facts, make("span", {class: "joined"}, ...Object.values(line.modes)), line.add, line.remove, line.erase);
+    insert: button("add point", "A point behind this one (N)", add_point), erase: button("delete", "Delete (Delete or X)", remove)};
+  line.box.replaceChildren(line.name, line.facts, make("span", {class: "joined"}, ...Object.values(line.modes)), line.add, line.remove, line.insert, line.erase);
 }
 
 // ---- drawing, beginning ----

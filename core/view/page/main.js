@@ -24,7 +24,7 @@ const help = {
     ["M", "trace a part alone: drag a rectangle; again: the whole"], ["D", "focus: click what is to be sharp"],
     ["B", "flip-book: all frames as pictures, then played"], ["Shift B", "frames as files in a folder"], ["Escape", "back to the live view"]],
   "Wind": [["W", "show or hide gusts and fields"], ["click", "select one; beside all: none"], ["1 2 3 or T E S", "move, turn, scale it"], ["K", "a key at this frame; then drag at another"],
-    ["G", "new gust"], ["X or Delete", "delete"], ["Escape", "unselect, take a drag back"], ["Shift W", "arrows of the air on a plane, which is moved, turned, scaled like a gust"],
+    ["G", "new gust"], ["X or Delete", "delete"], ["N", "new point behind the selected one of a drawn curve"], ["Escape", "unselect, take a drag back"], ["Shift W", "arrows of the air on a plane, which is moved, turned, scaled like a gust"],
     ["I", "click a strand: the rays by which it finds shelter"], ["dial", "drag turns the wind; Shift: its speed"]],
   "Parameters": [["/", "search"], ["Ctrl Z", "undo"], ["Ctrl Shift Z", "redo"], ["Ctrl S", "write the changes to the scene file"],
     ["orange dot", "the value differs from the file; click: back to it"], ["drag a number", "change it; Shift: finer"], ["↑ ↓ in a number", "change it; Shift: ten times"],

@@ -157,7 +157,7 @@ void render_frame(Frame& frame, KeptGeometry& kept, const std::string& prefix, c
     std::optional<FilmDisplay> shown;
     if (display) {
         shown.emplace(*display, options.output); // all frames in one image
-        frame.between_passes = [&] { shown->between_passes(frame.film); };
+        frame.between_passes = [&] { shown->show_if_due(frame.film); };
     }
     std::optional<World> world;
     {

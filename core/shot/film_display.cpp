@@ -15,7 +15,7 @@ constexpr double most_of_the_time = 0.02; // for updates
 
 } // namespace
 
-void FilmDisplay::between_passes(Film& film) {
+void FilmDisplay::show_if_due(Film& film) {
     const double begin = wall_seconds();
     if (begin < next_ || !display_.is_ready()) return;
     resolve(film);

@@ -16,7 +16,7 @@ class FilmDisplay {
     // Resolves and shows the film if that is due: at most five times a second, in at most about 2 % of the
     // render's wall time, and only if the viewer has taken what was shown before. Neither function waits for
     // the viewer, nor throws if it is gone (Display::take_fault).
-    void between_passes(Film& film);
+    void show_if_due(Film& film);
 
     void show(const Film& film); // resolved, with all layers, as in an EXR
 

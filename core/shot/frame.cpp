@@ -198,7 +198,7 @@ void trace_frame(Frame& frame, const World& world, Preview& preview) {
     FrameProgress& progress = frame.progress;
     progress.render.cancel = &frame.cancel;
     progress.render.between_passes = [&](Film&) {
-        preview.between_passes();
+        preview.show_if_due();
         if (frame.between_passes) frame.between_passes();
     };
     progress.render.samples_done = progress_of(frame.film).sum; // set before progress.samples

@@ -22,7 +22,7 @@ double preview_pause(double cost, double elapsed) {
 
 Preview::Preview(std::function<void()> write) : write_(std::move(write)), begin_(wall_seconds()) {}
 
-void Preview::between_passes() {
+void Preview::show_if_due() {
     if (wall_seconds() >= next_) write();
 }
 

@@ -16,7 +16,7 @@ double preview_pause(double cost, double elapsed);
 class Preview {
   public:
     explicit Preview(std::function<void()> write);      // empty function: no previews
-    void between_passes();                              // writes a preview if it is due
+    void show_if_due();                                 // writes a preview if it is due
     void finish();                                      // writes the finished frame
     const std::string& fault() const { return fault_; } // why writing failed, one line; "": no failure
 

@@ -56,8 +56,8 @@ RaysRequest rays_request(const json& message) {
             uint32_t(number(message, "vertex", 0.0, max_index))};
 }
 
-StrandsRequest strands_request(const json& message) {
-    StrandsRequest request;
+ViewFrameRequest frame_request(const json& message) {
+    ViewFrameRequest request;
     request.seq = seq_of(message);
     request.frame = number(message, "frame", -latest, latest);
     request.budget = uint32_t(number(message, "budget", 1.0, max_budget));
@@ -158,7 +158,7 @@ void Inbox::leave(ViewClient client) {
     arrived(false);
 }
 
-bool Inbox::take(ViewClient client, std::string_view text, std::vector<uint64_t>& skipped) {
+bool Inbox::receive(ViewClient client, std::string_view text, std::vector<uint64_t>& skipped) {
     const json message = json::parse(text, nullptr, false);
     if (!message.is_object()) return true; // nothing that is understood
     try {
@@ -169,7 +169,7 @@ bool Inbox::take(ViewClient client, std::string_view text, std::vector<uint64_t>
         Client& from = found->second;
         if (type == "frame") {
             from.picture.reset(); // the page plays or has changed
-            from.frames.push_back(strands_request(message));
+            from.frames.push_back(frame_request(message));
             if (work_ == Work::frame && client == works_for_ && from.frames.back().budget < works_on_budget_)
                 stop_work_ = true;
             for (; from.frames.size() > frames_waiting; from.frames.pop_front())
@@ -230,14 +230,14 @@ std::vector<ChangeRequest> Inbox::take_changes() {
     return list;
 }
 
-std::optional<std::pair<ViewClient, StrandsRequest>> Inbox::take_frame() {
+std::optional<std::pair<ViewClient, ViewFrameRequest>> Inbox::take_frame() {
     const std::lock_guard lock(mutex_);
     const auto asks = [](const auto& entry) { return !entry.second.frames.empty(); };
     auto found = std::find_if(clients_.upper_bound(last_served_), clients_.end(), asks);
     if (found == clients_.end()) found = std::find_if(clients_.begin(), clients_.end(), asks);
     if (found == clients_.end()) return {};
     last_served_ = found->first;
-    const StrandsRequest request = found->second.frames.front();
+    const ViewFrameRequest request = found->second.frames.front();
     found->second.frames.pop_front();
     return std::pair(found->first, request);
 }

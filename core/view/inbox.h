@@ -26,14 +26,15 @@ struct AirPlane {
     uint32_t columns, rows;
 };
 
-struct StrandsRequest {
+// Strands, meshes and what is shown with them at a frame.
+struct ViewFrameRequest {
     uint64_t seq = 0;
     double frame = 1.0;
     uint32_t budget = 20000;       // strands
     bool floats = false;           // else 16 bits
     std::string values{};          // an attribute that colours strands and meshes; "": none
-    bool gusts = true;             // where the random ones are
-    std::optional<AirPlane> air{}; // where the wind is wanted, too
+    bool gusts = true;             // where the random ones are is told, too
+    std::optional<AirPlane> air{}; // a plane on which the wind is wanted
 };
 
 // The rays that find the shelter of a strand.
@@ -86,15 +87,15 @@ class Inbox {
     void join(ViewClient client);
     void leave(ViewClient client);
     // Frame requests that are given up are added to `skipped`. False: the client is to be disconnected.
-    bool take(ViewClient client, std::string_view message, std::vector<uint64_t>& skipped);
+    bool receive(ViewClient client, std::string_view message, std::vector<uint64_t>& skipped);
 
     // Called by the view. What is taken is no longer there.
     void wait(double seconds); // until there is something, or the time is over
     std::vector<ViewClient> take_new_clients();
     std::vector<ViewClient> take_left_clients();
     std::vector<ChangeRequest> take_changes();
-    std::optional<std::pair<ViewClient, StrandsRequest>> take_frame(); // of the clients in turn
-    std::optional<std::pair<ViewClient, RaysRequest>> take_rays();     // the newest of a client
+    std::optional<std::pair<ViewClient, ViewFrameRequest>> take_frame(); // of the clients in turn
+    std::optional<std::pair<ViewClient, RaysRequest>> take_rays();       // the newest of a client
     // The picture to work on, of the first client that wants one. Stays until it is replaced or ended; a
     // client's next frame ends it, too.
     std::optional<std::pair<ViewClient, PictureRequest>> picture();
@@ -117,7 +118,7 @@ class Inbox {
   private:
     struct Client {
         bool is_new = true;
-        std::deque<StrandsRequest> frames;
+        std::deque<ViewFrameRequest> frames;
         std::optional<PictureRequest> picture;
         std::optional<SeriesRequest> series;
         std::optional<RaysRequest> rays;

@@ -27,7 +27,7 @@ namespace {
 
 using nlohmann::json;
 
-constexpr double look_at_files = 0.25;           // s between looks at the scene's files
+constexpr double file_check_pause = 0.25;        // s between checks of the scene's files
 constexpr size_t max_mesh_triangles = 200'000;   // of a mesh on a page
 constexpr size_t max_unread = size_t(256) << 20; // bytes that may wait before a frame is left out
 constexpr size_t max_unsent = size_t(1)
@@ -82,7 +82,7 @@ LiveView::LiveView(ViewSettings settings)
     events.left = [this](ViewClient client) { inbox_.leave(client); };
     events.message = [this](ViewClient client, const std::string& message) {
         std::vector<uint64_t> skipped;
-        const bool good = inbox_.take(client, message, skipped);
+        const bool good = inbox_.receive(client, message, skipped);
         for (const uint64_t seq : skipped)
             server_->send(client, text_of({{"type", "skipped"}, {"seq", seq}}), false);
         return good;
@@ -114,7 +114,7 @@ void LiveView::tell(ViewClient client, const json& message) {
 
 void LiveView::tell_all(const json& message) {
     const auto bytes = text_of(message);
-    for (const auto& [client, page] : pages_) server_->send(client, bytes, false);
+    for (const auto& [client, sent] : sent_) server_->send(client, bytes, false);
 }
 
 bool LiveView::attempt(std::vector<Problem>& problems, const std::function<void()>& work) {
@@ -146,7 +146,7 @@ bool LiveView::attempt(std::vector<Problem>& problems, const std::function<void(
 }
 
 // The bounds of what a page shows, and the warnings of a frame.
-void LiveView::look_at_first_frame() {
+void LiveView::evaluate_first_frame() {
     Shot& shot = *scene_.shot();
     const double first = shot.description.globals.vec2("frames").x();
     set_frame(shot, first);
@@ -195,7 +195,7 @@ json LiveView::scene_message() {
 }
 
 void LiveView::welcome(ViewClient client) {
-    pages_[client] = {};
+    sent_[client] = {};
     if (scene_.shot()) tell(client, scene_message());
     tell(client, problems_);
 }
@@ -205,7 +205,7 @@ void LiveView::load() {
     picture_.reset();
     if (!attempt(change_problems_, [&] { scene_.load(); })) return;
     end_series(scene_has_changed());
-    bounds_are_due_ = !attempt(frame_problems_, [&] { look_at_first_frame(); });
+    bounds_are_due_ = !attempt(frame_problems_, [&] { evaluate_first_frame(); });
     tell_all(scene_message());
 }
 
@@ -242,20 +242,20 @@ void LiveView::handle(std::vector<ChangeRequest> changes) {
         kept_ = {};
         bounds_are_due_ = true;
     }
-    if (bounds_are_due_) bounds_are_due_ = !attempt(frame_problems_, [&] { look_at_first_frame(); });
+    if (bounds_are_due_) bounds_are_due_ = !attempt(frame_problems_, [&] { evaluate_first_frame(); });
     tell_all(scene_message());
 }
 
-void LiveView::send_meshes(ViewClient client, Page& page, const World& world, WireMessage& frame) {
+void LiveView::send_meshes(ViewClient client, SentState& sent, const World& world, WireMessage& frame) {
     const size_t count = world.meshes.size();
     drawn_.resize(count);
     std::vector<std::pair<uint64_t, uint64_t>> now(count);
-    bool same_meshes = page.meshes.size() == count && page.revision == scene_.revision();
+    bool same_meshes = sent.meshes.size() == count && sent.revision == scene_.revision();
     for (size_t i = 0; i < count; ++i) {
         const MeshGeometry& mesh = world.meshes[i];
         if (drawn_[i].topology != topology_of(mesh)) drawn_[i] = drawn_mesh(mesh, max_mesh_triangles);
         now[i] = {drawn_[i].number, mesh.digest};
-        same_meshes = same_meshes && page.meshes[i].first == now[i].first;
+        same_meshes = same_meshes && sent.meshes[i].first == now[i].first;
     }
     frame.header["meshes"] = json::array();
     if (!same_meshes) {
@@ -267,48 +267,48 @@ void LiveView::send_meshes(ViewClient client, Page& page, const World& world, Wi
         server_->send(client, to_bytes(message), true);
     } else {
         for (size_t i = 0; i < count; ++i) {
-            if (now[i].second != 0 && now[i].second == page.meshes[i].second) continue;
+            if (now[i].second != 0 && now[i].second == sent.meshes[i].second) continue;
             json moved = add_mesh_positions(world.meshes[i], drawn_[i], frame);
             moved["index"] = i;
             frame.header["meshes"].push_back(std::move(moved));
         }
     }
-    page.meshes = std::move(now);
+    sent.meshes = std::move(now);
 }
 
-void LiveView::answer(ViewClient client, Page& page, const StrandsRequest& request, const World& world,
+void LiveView::answer(ViewClient client, SentState& sent, const ViewFrameRequest& request, const World& world,
                       double chain_ms) {
     const double begin = wall_seconds();
     WireMessage frame;
-    send_meshes(client, page, world, frame);
+    send_meshes(client, sent, world, frame);
     const uint64_t layout = layout_digest(world);
-    if (!page.strands || page.strands->layout != layout || page.strands->budget != request.budget ||
-        page.revision != scene_.revision()) {
-        page.strands = select_strands(world, request.budget, layout);
-        page.selection = ++last_selection_;
-        std::vector<StrandLook> looks;
+    if (!sent.strands || sent.strands->layout != layout || sent.strands->budget != request.budget ||
+        sent.revision != scene_.revision()) {
+        sent.strands = select_strands(world, request.budget, layout);
+        sent.selection = ++last_selection_;
+        std::vector<StrandColors> colors;
         for (const CurveGeometry& curves : world.curves)
-            looks.push_back(strand_look(*scene_.shot(), curves.material));
-        server_->send(client, to_bytes(strands_message(world, *page.strands, page.selection, looks)), true);
+            colors.push_back(strand_colors(*scene_.shot(), curves.material));
+        server_->send(client, to_bytes(strands_message(world, *sent.strands, sent.selection, colors)), true);
     }
-    page.revision = scene_.revision();
-    add_strand_positions(world, *page.strands, request.floats, frame);
-    if (!request.values.empty()) add_values(world, *page.strands, drawn_, request.values, frame);
+    sent.revision = scene_.revision();
+    add_strand_positions(world, *sent.strands, request.floats, frame);
+    if (!request.values.empty()) add_values(world, *sent.strands, drawn_, request.values, frame);
     if (request.air) add_air(*scene_.shot(), *request.air, frame);
     if (request.gusts) frame.header["gusts"] = gusts_message(*scene_.shot());
     frame.header["type"] = "frame";
     frame.header["seq"] = request.seq;
     frame.header["frame"] = request.frame;
-    frame.header["revision"] = page.revision;
-    frame.header["selection"] = page.selection;
+    frame.header["revision"] = sent.revision;
+    frame.header["selection"] = sent.selection;
     frame.header["chain_ms"] = chain_ms;
     frame.header["other_ms"] = 1e3 * (wall_seconds() - begin);
     server_->send(client, to_bytes(frame), true);
 }
 
-void LiveView::serve_frame(ViewClient client, const StrandsRequest& request) {
-    const auto page = pages_.find(client);
-    if (page == pages_.end()) return;
+void LiveView::serve_frame(ViewClient client, const ViewFrameRequest& request) {
+    const auto found = sent_.find(client);
+    if (found == sent_.end()) return;
     bool answered = false;
     free_picture();
     const bool reads = server_->unsent_bytes(client) < max_unread; // else it asks faster than it takes
@@ -323,7 +323,7 @@ void LiveView::serve_frame(ViewClient client, const StrandsRequest& request) {
             World world = build_world(shot.geometry, settings, inbox_.stop_work(), progress_, stats,
                                       std::exchange(kept_, {}));
             all_strands_ = all_strands(world);
-            answer(client, page->second, request, world, 1e3 * (wall_seconds() - begin));
+            answer(client, found->second, request, world, 1e3 * (wall_seconds() - begin));
             answered = true;
             kept_ = kept_geometry(std::move(world));
         });
@@ -332,8 +332,8 @@ void LiveView::serve_frame(ViewClient client, const StrandsRequest& request) {
 
 // The strands at rest have the same order as those that the page was sent.
 void LiveView::serve_rays(ViewClient client, const RaysRequest& request) {
-    const auto found = pages_.find(client);
-    if (found == pages_.end() || !scene_.shot() || found->second.selection != request.selection) return;
+    const auto found = sent_.find(client);
+    if (found == sent_.end() || !scene_.shot() || found->second.selection != request.selection) return;
     const StrandSelection& strands = *found->second.strands;
     const std::optional<uint32_t> strand = strand_of(strands, request.part, request.vertex);
     if (!strand) return;
@@ -454,15 +454,15 @@ void LiveView::show_progress(const std::stop_token& end) {
 
 // One piece of work. False: there is none.
 bool LiveView::work() {
-    for (const ViewClient client : inbox_.take_left_clients()) pages_.erase(client);
+    for (const ViewClient client : inbox_.take_left_clients()) sent_.erase(client);
     for (const ViewClient client : inbox_.take_new_clients()) welcome(client);
     if (std::vector<ChangeRequest> changes = inbox_.take_changes(); !changes.empty()) {
         inbox_.begin_change();
         handle(std::move(changes));
         return true;
     }
-    if (wall_seconds() >= next_look_) {
-        next_look_ = wall_seconds() + look_at_files;
+    if (wall_seconds() >= next_file_check_) {
+        next_file_check_ = wall_seconds() + file_check_pause;
         if (scene_.files_changed()) {
             inbox_.begin_change();
             inbox_.end_pictures();
@@ -509,7 +509,7 @@ void LiveView::run() {
             busy_since_ = wall_seconds();
             const bool worked = work();
             busy_since_ = 0.0;
-            if (!worked) inbox_.wait(look_at_files);
+            if (!worked) inbox_.wait(file_check_pause);
         }
     });
 }

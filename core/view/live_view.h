@@ -48,7 +48,7 @@ class LiveView {
 
   private:
     // What a page has been sent.
-    struct Page {
+    struct SentState {
         uint64_t revision = 0, selection = 0; // 0: nothing
         std::optional<StrandSelection> strands;
         std::vector<std::pair<uint64_t, uint64_t>> meshes; // number of its DrawnMesh, digest
@@ -63,11 +63,11 @@ class LiveView {
     void tell_all(const nlohmann::json& message);
     nlohmann::json scene_message();
     void welcome(ViewClient client);
-    void serve_frame(ViewClient client, const StrandsRequest& request);
-    void answer(ViewClient client, Page& page, const StrandsRequest& request, const World& world,
+    void serve_frame(ViewClient client, const ViewFrameRequest& request);
+    void answer(ViewClient client, SentState& sent, const ViewFrameRequest& request, const World& world,
                 double chain_ms);
     void serve_rays(ViewClient client, const RaysRequest& request);
-    void send_meshes(ViewClient client, Page& page, const World& world, WireMessage& frame);
+    void send_meshes(ViewClient client, SentState& sent, const World& world, WireMessage& frame);
     void work_on_picture(ViewClient client, const PictureRequest& request);
     void send_picture();
     void work_on_series(ViewClient client, const SeriesRequest& request);
@@ -75,14 +75,14 @@ class LiveView {
     void free_picture();                                   // its geometry is kept for what is built next
     bool work();
     void show_progress(const std::stop_token& end);
-    void look_at_first_frame();
+    void evaluate_first_frame();
 
     ViewSettings settings_;
     Inbox inbox_; // before the server, which calls it
     std::string token_;
     std::unique_ptr<ViewServer> server_;
     OpenScene scene_;
-    std::map<ViewClient, Page> pages_;
+    std::map<ViewClient, SentState> sent_;
     KeptGeometry kept_;
     std::vector<DrawnMesh> drawn_; // of the last frame's meshes
     std::optional<LivePicture> picture_;
@@ -95,7 +95,7 @@ class LiveView {
     std::vector<std::string> build_warnings_;
     uint64_t all_strands_ = 0; // of the last frame, shown or not
     uint64_t last_selection_ = 0;
-    double next_look_ = 0.0; // at the scene's files, wall clock
+    double next_file_check_ = 0.0; // wall clock
     BuildProgress progress_;
     std::atomic<double> busy_since_{0.0}; // 0: not
     std::atomic<bool> ended_{false};

@@ -52,7 +52,7 @@ Vec3f mean_radiance(const Lights& lights, double up) {
 
 } // namespace
 
-StrandLook strand_look(const Shot& shot, int material) {
+StrandColors strand_colors(const Shot& shot, int material) {
     const Material& used = material_of(shot, material);
     return {strand_albedo(used, 0.0F), strand_albedo(used, 1.0F)};
 }

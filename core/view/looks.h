@@ -9,8 +9,8 @@
 
 namespace marram {
 
-StrandLook strand_look(const Shot& shot, int material); // albedo at the root and at the tip
-Vec3f mesh_color(const Shot& shot, int material);       // albedo; images count with their middle
+StrandColors strand_colors(const Shot& shot, int material); // albedo at the root and at the tip
+Vec3f mesh_color(const Shot& shot, int material);           // albedo; images count with their middle
 
 // { sun: { direction, color } or null, sky, ground }: radiance, linear. color: what a white surface that
 // faces the sun scatters. Of several suns the strongest; meshes that emit are left out.

@@ -102,7 +102,7 @@ void OpenScene::apply(const ChangedValues& values) {
     ++revision_;
 }
 
-void OpenScene::take(ChangedValues values, uint64_t gesture) {
+void OpenScene::add_state(ChangedValues values, uint64_t gesture) {
     if (values == changed()) return;
     apply(values);
     history_.resize(at_ + 1);
@@ -124,7 +124,7 @@ void OpenScene::set(const std::string& key, const std::optional<std::string>& va
         values[key] = *value;
     else
         values.erase(key);
-    take(std::move(values), gesture);
+    add_state(std::move(values), gesture);
 }
 
 void OpenScene::undo() {
@@ -141,7 +141,7 @@ void OpenScene::redo() {
     gesture_ = 0;
 }
 
-void OpenScene::reset() { take({}); }
+void OpenScene::reset() { add_state({}); }
 
 void OpenScene::save() {
     const ChangedValues settings_by_key = changed();

@@ -50,7 +50,7 @@ class OpenScene {
   private:
     using Stamps = std::map<std::string, std::pair<std::filesystem::file_time_type, uintmax_t>>; // time, size
 
-    void take(ChangedValues values, uint64_t gesture = 0); // as the newest of the history
+    void add_state(ChangedValues values, uint64_t gesture = 0); // the newest of the history
     void apply(const ChangedValues& values);
     void load_with(const Overrides& overrides);
     void rebase_history(const std::string& text); // of the file before it was saved
@@ -65,7 +65,7 @@ class OpenScene {
     size_t at_ = 0;        // the present entry of history_
     uint64_t gesture_ = 0; // that made it
     uint64_t revision_ = 0, loads_ = 0;
-    Stamps stamps_, seen_; // of the files as they were read; at the last look
+    Stamps stamps_, seen_; // of the files as they were read; at the last check
 };
 
 } // namespace marram

@@ -162,7 +162,7 @@ std::optional<uint32_t> strand_of(const StrandSelection& selection, uint32_t par
 }
 
 WireMessage strands_message(const World& world, const StrandSelection& selection, uint64_t number,
-                            const std::vector<StrandLook>& looks) {
+                            const std::vector<StrandColors>& colors) {
     WireMessage message;
     message.header = {{"type", "strands"}, {"selection", number}, {"parts", json::array()}};
     for (size_t c = 0; c < selection.parts.size(); ++c) {
@@ -179,8 +179,8 @@ WireMessage strands_message(const World& world, const StrandSelection& selection
              {"strands", part.strands.size()},
              {"widen", double(all_of(curves)) / double(std::max<size_t>(part.strands.size(), 1))},
              {"radius", radius},
-             {"root_color", json_of(looks[c].root)},
-             {"tip_color", json_of(looks[c].tip)},
+             {"root_color", json_of(colors[c].root)},
+             {"tip_color", json_of(colors[c].tip)},
              {"vertices", vertices},
              {"attributes", offset}});
     }

@@ -47,13 +47,13 @@ StrandSelection select_strands(const World& world, uint32_t budget, uint64_t lay
 std::optional<uint32_t> strand_of(const StrandSelection& selection, uint32_t part, uint32_t vertex);
 
 // The colours of a part, linear.
-struct StrandLook {
+struct StrandColors {
     Vec3f root = Vec3f::Ones(), tip = Vec3f::Ones();
 };
 
 // The message "strands": what does not change from frame to frame.
 WireMessage strands_message(const World& world, const StrandSelection& selection, uint64_t number,
-                            const std::vector<StrandLook>& looks);
+                            const std::vector<StrandColors>& colors);
 
 // Appends the vertices of a frame, and their boxes as header["parts"]. The positions are the first motion
 // sample's. 16 bits: within half a step (and the rounding of floats) of the positions; else the same

@@ -145,8 +145,8 @@ TEST(Preview, ThatFailsIsGivenUp) {
         ++written;
         throw InputError({"p.png"}, "could not be written", "check the disk");
     });
-    preview.between_passes();
-    preview.between_passes();
+    preview.show_if_due();
+    preview.show_if_due();
     preview.finish();
     EXPECT_EQ(written, 1);
     EXPECT_EQ(preview.fault(), "p.png: could not be written: check the disk");

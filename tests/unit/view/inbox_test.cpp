@@ -13,16 +13,19 @@ using Kind = ChangeRequest::Kind;
 class InboxTest : public ::testing::Test {
   protected:
     InboxTest() { inbox.join(1), inbox.join(2); }
-    bool take(ViewClient client, const std::string& message) { return inbox.take(client, message, skipped); }
+    bool receive(ViewClient client, const std::string& message) {
+        return inbox.receive(client, message, skipped);
+    }
     bool frame(ViewClient client, int seq) {
-        return take(client, fmt::format(R"({{"type":"frame","seq":{},"frame":{},"budget":10}})", seq, seq));
+        return receive(client,
+                       fmt::format(R"({{"type":"frame","seq":{},"frame":{},"budget":10}})", seq, seq));
     }
     bool picture(ViewClient client, int seq) {
-        return take(client,
-                    fmt::format(R"({{"type":"render","seq":{},"frame":1,"camera":{{"position":[0,0,3],)"
-                                R"("target":[0,0,0],"up":[0,1,0],"fov":40}},"size":[64,36],"exposure":0,)"
-                                R"("samples":4}})",
-                                seq));
+        return receive(client,
+                       fmt::format(R"({{"type":"render","seq":{},"frame":1,"camera":{{"position":[0,0,3],)"
+                                   R"("target":[0,0,0],"up":[0,1,0],"fov":40}},"size":[64,36],"exposure":0,)"
+                                   R"("samples":4}})",
+                                   seq));
     }
     Inbox inbox;
     std::vector<uint64_t> skipped;
@@ -46,9 +49,9 @@ TEST_F(InboxTest, ServesClientsInTurn) {
 
 TEST_F(InboxTest, KeepsTheNewestOfChangesOfOneValue) {
     for (int i = 0; i < 1000; ++i)
-        EXPECT_TRUE(take(1, fmt::format(R"({{"type":"set","key":"wind.speed","value":"{}"}})", i)));
-    take(2, R"({"type":"set","key":"wind.calm","value":null})");
-    take(2, R"({"type":"undo"})");
+        EXPECT_TRUE(receive(1, fmt::format(R"({{"type":"set","key":"wind.speed","value":"{}"}})", i)));
+    receive(2, R"({"type":"set","key":"wind.calm","value":null})");
+    receive(2, R"({"type":"undo"})");
     const std::vector<ChangeRequest> changes = inbox.take_changes();
     ASSERT_EQ(changes.size(), 3U);
     EXPECT_EQ(changes[0].value, "999");
@@ -59,8 +62,8 @@ TEST_F(InboxTest, KeepsTheNewestOfChangesOfOneValue) {
 
 TEST_F(InboxTest, PartsOfPicturesLieWithin) {
     const auto part_of = [&](const std::string& crop) {
-        take(1, R"({"type":"stop"})");
-        take(
+        receive(1, R"({"type":"stop"})");
+        receive(
             1,
             R"({"type":"render","seq":1,"frame":1,"camera":{"position":[0,0,3],"target":[0,0,0],"up":[0,1,0],)"
             R"("fov":40},"size":[64,36],"exposure":0,"samples":4,"crop":)" +
@@ -78,10 +81,10 @@ TEST_F(InboxTest, PartsOfPicturesLieWithin) {
 TEST_F(InboxTest, DisconnectsWhoFloods) {
     bool good = true;
     for (int i = 0; i < 1000 && good; ++i)
-        good = take(1, fmt::format(R"({{"type":"set","key":"key{}","value":"1"}})", i));
+        good = receive(1, fmt::format(R"({{"type":"set","key":"key{}","value":"1"}})", i));
     EXPECT_FALSE(good);
     EXPECT_LE(inbox.take_changes().size(), 32U);
-    EXPECT_FALSE(take(3, R"({"type":"undo"})")); // has never joined
+    EXPECT_FALSE(receive(3, R"({"type":"undo"})")); // has never joined
 }
 
 TEST_F(InboxTest, PassesOverWhatItDoesNotUnderstand) {
@@ -96,8 +99,8 @@ TEST_F(InboxTest, PassesOverWhatItDoesNotUnderstand) {
           std::string(60000, '['),
           std::string(R"({"type":"render","seq":1,"frame":1,"camera":{"position":[0,3,0],"target":[0,0,0],)"
                       R"("up":[0,1,0],"fov":40},"size":[64,36],"exposure":0,"samples":4})")})
-        EXPECT_TRUE(take(1, message)) << message;
-    for (size_t length = 0; length < valid.size(); ++length) EXPECT_TRUE(take(1, valid.substr(0, length)));
+        EXPECT_TRUE(receive(1, message)) << message;
+    for (size_t length = 0; length < valid.size(); ++length) EXPECT_TRUE(receive(1, valid.substr(0, length)));
     EXPECT_FALSE(inbox.take_frame());
     EXPECT_FALSE(inbox.picture());
     EXPECT_TRUE(inbox.take_changes().empty());
@@ -115,7 +118,7 @@ TEST_F(InboxTest, StopsPicturesForFramesAndAllForChanges) {
     inbox.begin_frame(2, 10);
     frame(2, 2);
     EXPECT_FALSE(inbox.stop_work());
-    take(2, R"({"type":"undo"})");
+    receive(2, R"({"type":"undo"})");
     EXPECT_TRUE(inbox.stop_work());
     inbox.take_changes();
     inbox.begin_picture(); // a frame waits already
@@ -124,13 +127,13 @@ TEST_F(InboxTest, StopsPicturesForFramesAndAllForChanges) {
     frame(1, 3); // of the client that wants the picture
     EXPECT_FALSE(inbox.picture());
     picture(1, 2);
-    take(1, R"({"type":"stop"})");
+    receive(1, R"({"type":"stop"})");
     EXPECT_FALSE(inbox.picture());
 }
 
 TEST_F(InboxTest, AChangeIsNotStoppedByAnother) {
     inbox.begin_change();
-    take(1, R"({"type":"undo"})");
+    receive(1, R"({"type":"undo"})");
     frame(2, 1);
     picture(1, 1);
     EXPECT_FALSE(inbox.stop_work());
@@ -142,7 +145,7 @@ TEST_F(InboxTest, AChangeIsNotStoppedByAnother) {
 
 TEST_F(InboxTest, AFrameOfFewerStrandsStopsOneOfMore) {
     const auto ask = [&](ViewClient client, int budget) {
-        take(client, fmt::format(R"({{"type":"frame","seq":1,"frame":1,"budget":{}}})", budget));
+        receive(client, fmt::format(R"({{"type":"frame","seq":1,"frame":1,"budget":{}}})", budget));
     };
     inbox.begin_frame(1, 1000);
     ask(1, 1000), ask(1, 2000), ask(2, 10);

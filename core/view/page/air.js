@@ -39,10 +39,12 @@ class Lines {
 }
 
 // ---- the plane ----
+// Over a lawn, through the middle of a head.
 function first_pose() {
   const bounds = world.strands.bounds() || state.scene.bounds || {lower: [-1, 0, -1], upper: [1, 1, 1]};
-  const middle = k => (bounds.lower[k] + bounds.upper[k]) / 2, half = k => 0.55 * Math.max(1e-3, bounds.upper[k] - bounds.lower[k]);
-  return {translate: [middle(0), bounds.upper[1], middle(2)], rotate: [0, 0, 0], scale: [half(0), 1, half(2)]};
+  const middle = k => (bounds.lower[k] + bounds.upper[k]) / 2, half = k => 0.7 * Math.max(1e-3, bounds.upper[k] - bounds.lower[k]);
+  const flat = half(1) < 0.4 * Math.max(half(0), half(2));
+  return {translate: [middle(0), flat ? bounds.upper[1] : middle(1), middle(2)], rotate: [0, 0, 0], scale: [half(0), 1, half(2)]};
 }
 function sides() {
   const {translate, rotate, scale} = plane.pose, turn = new THREE.Euler(...rotate.map(angle => angle * Math.PI / 180), "ZYX");

@@ -176,8 +176,10 @@ GroundSample sample_ground(const GroundAir::At& at, const Wide3d& p) {
     const bool between = first != second;
     GroundSample out{};
     for (int lane = 0; lane < lanes; ++lane) {
-        const double x = (p.x[lane] - g.x0) * per_cell, z = (p.z[lane] - g.z0) * per_cell;
-        if (!(x >= 0.0 && z >= 0.0 && x <= g.nx - 1 && z <= g.nz - 1)) continue;
+        constexpr double border = 1e-6; // of a cell: points on the border, rounded
+        double x = (p.x[lane] - g.x0) * per_cell, z = (p.z[lane] - g.z0) * per_cell;
+        if (!(x >= -border && z >= -border && x <= g.nx - 1 + border && z <= g.nz - 1 + border)) continue;
+        x = std::clamp(x, 0.0, double(g.nx - 1)), z = std::clamp(z, 0.0, double(g.nz - 1));
         out.inside[lane] = -1;
         const int i = std::min(int(x), std::max(g.nx - 2, 0)), j = std::min(int(z), std::max(g.nz - 2, 0));
         const auto u = float(x - i), v = float(z - j);

@@ -7,6 +7,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 namespace marram {
 namespace {
@@ -118,6 +119,12 @@ void fill_holes(HeightGrid& grid) {
 
 } // namespace
 
+HeightGrid coarsened(HeightGrid grid) {
+    int factor = 1;
+    while (grid.heights.size() / size_t(factor) / size_t(factor) > max_samples) ++factor;
+    return factor > 1 ? averaged(grid, factor) : std::move(grid);
+}
+
 HeightGrid heights_from_above(const MarramMesh& mesh) {
     const Plan plan = plan_of(mesh);
     constexpr double upright = 1e-6; // of a wall whose corners are rounded to floats
@@ -135,9 +142,7 @@ HeightGrid heights_from_above(const MarramMesh& mesh) {
     grid.nz = int(std::ceil(extent.y() / grid.cell - rounding)) + 1;
     grid.heights.assign(size_t(grid.nx) * size_t(grid.nz), no_height);
     for (size_t f = 0; f < mesh.triangle_count; ++f) raise(mesh_corners(mesh, f), grid);
-    int factor = 1;
-    while (grid.heights.size() / size_t(factor) / size_t(factor) > max_samples) ++factor;
-    if (factor > 1) grid = averaged(grid, factor);
+    grid = coarsened(std::move(grid));
     fill_holes(grid);
     return grid;
 }

@@ -18,6 +18,9 @@ struct HeightGrid {
     size_t index(int i, int j) const { return size_t(j) * size_t(nx) + size_t(i); }
 };
 
+// The same with about 2^20 samples at most: means over squares of samples, those at the far borders smaller.
+HeightGrid coarsened(HeightGrid grid);
+
 // The highest point of the mesh above each sample, at its first motion sample; where there is none, a
 // smooth continuation of what is around. A cell is as wide as the short sides of the mesh's triangles are
 // in the mean, so that the vertices of a terrain are its samples, but the grid has at least 256 samples

@@ -56,8 +56,8 @@ double distance(const Wide3f& a, const Wide3f& b, int lane) {
     return std::sqrt(x * x + y * y + z * z);
 }
 
-// The 99th percentile over the strands of the greatest distance between a CV of `fine`, which has `every`
-// times as many segments, and the point of the polygon of `coarse` at the same parameter.
+// Appends for each strand the greatest distance between a CV of `fine`, which has `every` times as many segments,
+// and the point of the polygon of `coarse` at the same parameter.
 void add_polygon_errors(const WideVector<Wide3f>& coarse, const WideVector<Wide3f>& fine, size_t strands,
                         size_t segments, size_t every, std::vector<double>& distances) {
     const size_t cvs = segments + 1, fine_cvs = segments * every + 1;
@@ -73,7 +73,7 @@ void add_polygon_errors(const WideVector<Wide3f>& coarse, const WideVector<Wide3
         distances.push_back(most);
     }
 }
-// Of 99 % of the strands.
+// The 99th percentile of these.
 double polygon_error(const WideVector<Wide3f>& coarse, const WideVector<Wide3f>& fine, size_t strands,
                      size_t segments, size_t every) {
     std::vector<double> distances;
@@ -96,9 +96,20 @@ void bend_sample(const PilotGroom& pilot, const RootSample& some, double frame, 
     expand(pilot.groom, pilot.wind, {pilot.bind, pilot.bind}, some.roots, strands, some.guides());
     scale_strands(strands, pilot.instance_scale);
     const double response = max_response(pilot.wind) * strength;
+    // Fields that act at each CV bend a strand within its length: more CVs show it.
+    const bool local = pilot.wind.fields_at_cvs;
+    std::vector<FieldAt> fields;
+    if (local) {
+        fields = fields_at(pilot.wind.fields, frame);
+        LocalWind wind{pilot.wind.direction, pilot.wind.speed, pilot.wind.response, fields};
+        wind.at_cvs = true;
+        local_wind(wind, strands);
+    }
     for (size_t i = 0; i < strands.envelope.size(); ++i) {
         const double u = double(i % size_t(cvs)) / double(cvs - 1);
-        strands.envelope[i] = splat_float(float(std::clamp(pilot.groom.envelope(u), 0.0, 1.0) * response));
+        const double own = std::clamp(pilot.groom.envelope(u), 0.0, 1.0);
+        strands.envelope[i] = local ? strands.wind_response[i] * float(own * strength)
+                                    : splat_float(float(own * response));
     }
     const bool sags = pilot.groom.blade && pilot.groom.blade->sags;
     if ((response > 0.0 && wind_bends(pilot.wind)) || sags)
@@ -307,19 +318,31 @@ JigglePilot jiggle_pilot(const PilotGroom& pilot, double tolerance) {
             pilot.groom.blade ? &*pilot.groom.blade : nullptr};
 }
 
+namespace {
+
+// Whether the wind differs from time to time by chance alone.
+bool is_steady(const Wind& wind) {
+    if (wind.keys || wind.jiggle->start_frame || std::ranges::any_of(wind.fields, field_moves)) return false;
+    if (!wind.gusts) return true;
+    const Gusts& gusts = *wind.gusts;
+    const bool at_any_time =
+        gusts.period > 0.0 && gusts.start_frame.y() - gusts.start_frame.x() >= 0.99 * gusts.period;
+    return gusts.controls.empty() && (gusts.num_gusts == 0 || at_any_time);
+}
+
+} // namespace
+
 JiggleMoments jiggle_moments(const Wind& wind, double frame) {
-    constexpr double together = 128.0, before = 48.0; // frames
-    constexpr double within = 9.375;                  // within a step of every length
-    const double first = std::floor(frame / together) * together;
-    const auto changes = [&](const KeyedWind::Track& track) {
-        return track.keys.frames.front() < first + together && track.keys.frames.back() > first - before;
-    };
+    constexpr double within = 9.375; // within a step of every length
     JiggleMoments moments;
-    moments.alike = !(wind.keys && std::ranges::any_of(wind.keys->tracks, changes)) &&
-                    std::ranges::none_of(wind.fields, field_moves) &&
-                    (!wind.gusts || wind.gusts->controls.empty());
-    for (double moment = within; moment < together; moment += moments.alike ? 32.0 : 16.0)
-        moments.frames.push_back(first + moment);
+    moments.alike = is_steady(wind);
+    const double together = moments.alike ? 128.0 : 16.0; // frames
+    const double first = std::floor(frame / together) * together;
+    if (moments.alike)
+        moments.frames = {first + within, first + 32.0 + within, first + 64.0 + within,
+                          first + 96.0 + within};
+    else
+        moments.frames = {first + within, first + 1.375, first + 5.375, first + 13.375, first + together};
     return moments;
 }
 

@@ -58,13 +58,14 @@ struct JigglePilot {
 
 JigglePilot jiggle_pilot(const PilotGroom& pilot, double tolerance);
 
-// The moments at which the step of jiggle is chosen for a frame: the same for every 128 frames, so that
-// neighbours have one step: they need not choose it again, and go on from each other's states.
+// The moments at which the step of jiggle is chosen for a frame: the same for neighbours, which then have one
+// step, need not choose it again, and go on from each other's states.
 struct JiggleMoments {
     std::vector<double> frames;
-    // The wind differs by chance alone, and the 99th percentile is that of the strands of all moments. Else, if keys,
-    // fields or gusts by hand change it, each moment has its own, and the greatest counts: it may be calm at the
-    // others.
+    // The wind differs from time to time by chance alone: four moments of 128 frames, and the 99th percentile is that of
+    // their strands together. Else, if keys, fields that move, gusts that are placed in time or a start_frame of
+    // jiggle change it: five moments of 16 frames, and the greatest of their percentiles counts. What is over
+    // between two of these is missed.
     bool alike = true;
 };
 JiggleMoments jiggle_moments(const Wind& wind, double frame);

@@ -52,6 +52,7 @@ struct LayerContext {
     double frame = 0.0;                   // for types with `evolves`
     double wind_speed = 0.0;              // the scene's, m/s; 0 if its direction is vertical
     const MarramValue* record = nullptr;  // the scene's wind.record; may be NULL
+    bool steady_wind = true;              // false: it is vertical, or a record has its directions
     Simulation* simulation = nullptr;     // states of earlier frames; outlives the layer; may be NULL
     const TerrainLayer* before = nullptr; // the layer of this type that it replaces in the stack; may be NULL
 };

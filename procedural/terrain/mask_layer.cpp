@@ -10,9 +10,10 @@
 //        "image"      first channel of a file, stretched over the terrain, bilinear
 //        "noise"      Perlin noise, features `wavelength` metres apart; 3 samples in 1000 exceed -1 to 1
 //        "distance"   metres to the nearest point of drawn curves (`along`), seen from above
-//        "air"        speed of the air `above` metres over the ground, along the scene's wind, over that over
-//                     level ground: more than 1 on crests, below 0 where it returns in the lee. It is what strands
-//                     feel by wind.over (ground_air.h). Depends on the whole terrain: an edit makes it anew
+//        "air"        speed of the air along the terrain's wind, over that over level ground: more than 1 on crests,
+//                     below 0 where it returns in the lee, and there rising with `above`, metres over the
+//                     ground. It is what strands feel by wind.over (ground_air.h). Depends on the whole terrain:
+//                     an edit makes it anew
 //
 // The ramp's values are clamped to 0 ... 1. With `mask` the result is multiplied by another mask.
 //
@@ -76,24 +77,14 @@ std::string name_of_mask(const LayerValues& values) {
                      "give it one: name = \"...\"");
 }
 
-// The heights of a terrain, averaged over squares of samples if there are more than 2^20.
 HeightGrid air_grid(const Domain& domain, const Fields& fields) {
-    constexpr double most = 0x1p20;
-    const int square = std::max(1, int(std::ceil(std::sqrt(double(domain.count()) / most))));
-    const double middle = 0.5 * (square - 1) * domain.cell;
-    HeightGrid grid{domain.nx / square,   domain.nz / square,   domain.cell * square,
-                    domain.x(0) + middle, domain.z(0) + middle, {}};
-    grid.heights.resize(size_t(grid.nx) * size_t(grid.nz));
-    marram::parallel_for(0, grid.nz, [&](int j) {
-        for (int i = 0; i < grid.nx; ++i) {
-            double sum = 0.0;
-            for (int b = 0; b < square; ++b)
-                for (int a = 0; a < square; ++a)
-                    sum += fields.height(domain.index(i * square + a, j * square + b));
-            grid.heights[grid.index(i, j)] = float(sum / (square * square));
-        }
+    HeightGrid grid{domain.nx, domain.nz, domain.cell, domain.x0, domain.z0, {}};
+    grid.heights.resize(domain.count());
+    marram::parallel_for(0, domain.nz, [&](int j) {
+        for (int i = 0; i < domain.nx; ++i)
+            grid.heights[domain.index(i, j)] = float(fields.height(domain.index(i, j)));
     });
-    return grid;
+    return coarsened(std::move(grid));
 }
 
 class MaskLayer : public TerrainLayer {
@@ -116,6 +107,10 @@ class MaskLayer : public TerrainLayer {
         noise_.octaves = values.integer("octaves");
         noise_.seed = uint32_t(hash(context.seed, uint64_t(values.integer("seed"))));
         if (by_ == MaskBy::distance) need("along"), read_curves(context.curves(values.text("along")));
+        if (by_ == MaskBy::air && !context.steady_wind)
+            throw SceneFault("terrain.mask_wind", values.place("by"),
+                             "a mask by air needs a wind of one direction along the ground",
+                             "give the terrain a wind.direction of its own");
     }
 
     Writes writes() const override { return {}; }
@@ -133,7 +128,7 @@ class MaskLayer : public TerrainLayer {
         const HeightGrid& grid = air.ground();
         const float* times = factor_mask_.empty() ? nullptr : find_mask(below, factor_mask_);
         marram::parallel_for(0, domain_.nz, [&](int j) {
-            // Samples outside the averaged ones take the nearest.
+            // Samples beyond the means take the nearest.
             const double z = std::clamp(domain_.z(j), grid.z0, grid.z0 + (grid.nz - 1) * grid.cell);
             for (int i = 0; i < domain_.nx; i += lanes) {
                 VDouble x, speed = splat(1.0);
@@ -346,7 +341,8 @@ void check_mask_name(const std::string& name, const std::string& place) {
 }
 
 LayerType mask_layer_type() {
-    return {"mask", "a mask by height, slope, sand, an image, or the distance to curves", mask_params,
+    return {"mask", "a mask by height, slope, sand, the air, an image, or the distance to curves",
+            mask_params,
             [](const LayerContext& context) -> std::unique_ptr<TerrainLayer> {
                 return std::make_unique<MaskLayer>(context);
             },

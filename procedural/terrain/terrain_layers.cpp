@@ -3,6 +3,7 @@
 #include "procedural/terrain/terrain_instance.h"
 
 #include "procedural/abi/border.h"
+#include "procedural/wind/wind.h"
 
 #include <fmt/format.h>
 
@@ -145,9 +146,12 @@ void set_layers(TerrainInstance& instance, const MarramFrame& frame, std::span<c
     const Vec3d direction = values.vec3("wind.direction");
     // Along the ground. A vertical wind blows no sand.
     const double speed = direction.x() != 0.0 || direction.z() != 0.0 ? values.number("wind.speed") : 0.0;
+    const bool steady = (direction.x() != 0.0 || direction.z() != 0.0) &&
+                        (!values.find("wind.record") || is_given(values, "wind.direction"));
     shared.add(&instance.domain, sizeof(Domain))
         .add(wind.data(), 2 * sizeof(double))
         .add(&speed, sizeof speed)
+        .add(uint64_t(steady))
         .add(seed);
     if (const MarramValue* record = values.find("wind.record")) add_value(shared, *record);
     std::vector<StackLayer> layers;
@@ -168,6 +172,7 @@ void set_layers(TerrainInstance& instance, const MarramFrame& frame, std::span<c
             context.wind_speed = speed;
             context.simulation = &instance.simulation;
             context.record = values.find("wind.record");
+            context.steady_wind = steady;
             context.scene = frame.colliders;
             context.curves = [&](std::string_view name) {
                 return drawn_curves(frame, name, own.place("type"));

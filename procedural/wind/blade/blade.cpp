@@ -262,10 +262,12 @@ MARRAM_HOT void blade_loads(const Blade& blade, const VFloat* envelope, const Wi
         loads.weight[size_t(k)] = to_float(mass * evaluate(blade.mass_taper, middle));
         const VDouble speed =
             (to_double(envelope[k]) + to_double(envelope[k + 1])) * (0.5 * blade_response_speed);
-        Wide3d w = direction[0];
-        if (at_cvs) w = (direction[k] + direction[k + 1]) * splat(0.5);
-        if (noise) w = w + to_double(noise[k]) * splat(amplitude);
-        loads.wind[size_t(k)] = to_float(w * speed);
+        Wide3d w = direction[0] * speed;
+        if (at_cvs)
+            w = (direction[k] * to_double(envelope[k]) + direction[k + 1] * to_double(envelope[k + 1])) *
+                splat(0.5 * blade_response_speed);
+        if (noise) w = w + to_double(noise[k]) * splat(amplitude) * speed;
+        loads.wind[size_t(k)] = to_float(w);
     }
 }
 

@@ -18,14 +18,15 @@
 //     2 tan(angle / 2) = (a + b) / EI (mean of M over the hinge, normal to t, mean over both sides)
 //     mean of M = M_i - (b - a) / 2 (t x F)_i + (a^2 - a b + b^2) / 6 t x q
 //
-// (a = l_(i-1)/2, b = l_i/2) and at a CV half before, half after the rest kink. Kink and bend together are a
-// rotation without twist: with T = tan(kink / 4), B = tan(bend / 2) as vectors in the plane of e1 and e2,
+// (a = l_(i-1)/2, b = l_i/2) and at a CV half before, half after the rest kink. There it also twists a little, for
+// the moment about the tangent bends both sides of a kink (elastica_add_kink()). But for that, kink and bend
+// together are a rotation without twist: with T = tan(kink / 4), B = tan(bend / 2) as vectors in the plane of e1 and e2,
 //
 //     K^(1/2) B K^(1/2) = (vector 2 T + (1 + T^2) B - 2 (T B) T, scalar 1 - T^2 - 2 T B)
 //
 // as a quaternion, so that a frame is carried over a joint by a reflection and a division: no trigonometry.
-// Across the kink's plane the hinge bends by cos(kink / 2) as much, see elastica_add_kink(). The error of the
-// chain is of second order in its pieces. With two pieces a segment or more, the segments' directions are
+// The error of the chain is of second order in its pieces (segments of one length; where they differ, kinks leave
+// one of first order, in the kink squared). With two pieces a segment or more, the segments' directions are
 // extrapolated from two chains, one of half the pieces (Richardson): of fourth order. Solved in
 // elastica_newton.cpp in floats; only CVs are summed in doubles.
 //
@@ -45,10 +46,10 @@
 //     1000       4        6e-4      2e-3
 //     10000      8        6e-4      another pose
 //
-// Against the oracle, Ca from 0.1 to 10^4, |B| up to 50: 99 % are within 1.1e-2 with 2 pieces, 2.1e-3 with 4, 8.3e-5
-// with 8. Of 1,969 such blades 3 were not solved or found another pose (MARRAM_WHOLE=1 tests/run -R
-// Elastica.Agrees -V). In a wind that blows from the tip towards the root equilibria are often unstable, and
-// several exist: more of those are not solved.
+// Against the oracle, Ca from 0.1 to 10^4, |B| up to 50: 99 % are within 8.3e-3 with 2 pieces, 2.1e-3 with 4,
+// 8.3e-5 with 8. Of 1,969 such blades 4 were not solved with 8 pieces or found another pose (MARRAM_WHOLE=1
+// tests/run -R Elastica.Agrees -V). In a wind that blows from the tip towards the root equilibria are often
+// unstable, and several exist: more of those are not solved.
 //
 // Cost: grows with Ca and with the pieces; marram_bench prints it beside the talk's bend ("blade").
 #include "procedural/wind/blade/elastica.h"
@@ -137,8 +138,7 @@ MARRAM_INLINE Wide3f elastica_direction(const ElasticaChain& c, int k, VInt& sou
 }
 
 // What is added to the direction `fine` of a segment, where a chain of half the pieces has `coarse`: a third of
-// the difference. Smoothly less where they differ by more than 0.3: those are not near the limit, or are two
-// poses.
+// the difference d, over 1 + (d / 0.3)^4: where they differ much they are not near the limit, or are two poses.
 MARRAM_INLINE Wide3f elastica_extrapolation(const Wide3f& fine, const Wide3f& coarse) {
     constexpr float trusted = 0.3f;
     const Wide3f d = fine - coarse;
@@ -146,9 +146,10 @@ MARRAM_INLINE Wide3f elastica_extrapolation(const Wide3f& fine, const Wide3f& co
     return d * ((1.0f / 3.0f) / (1.0f + square * square));
 }
 
-// `half`: the chain of half the pieces; that of `c` itself if there is none.
+// `half`: the chain of half the pieces; that of `c` itself if there is none. `half_done`: where it has a pose to
+// extrapolate from.
 MARRAM_HOT void elastica_emit(const ElasticaBlock& b, const ElasticaChain& c, const ElasticaChain& half,
-                              const VInt& idle) {
+                              const VInt& idle, const VInt& half_done) {
     Wide3d position = to_double(b.rest[0]);
     b.pose[0] = b.rest[0];
     for (int k = 0; k < c.last; ++k) {
@@ -157,8 +158,9 @@ MARRAM_HOT void elastica_emit(const ElasticaBlock& b, const ElasticaChain& c, co
         Wide3f direction = elastica_direction(c, k, sound);
         if (half.pieces < c.pieces) {
             const Wide3f coarse = elastica_direction(half, k, half_sound);
-            direction = direction + elastica_extrapolation(direction, coarse);
-            direction = direction * (1.0f / vsqrt(dot(direction, direction))); // at least 0.7
+            direction =
+                elastica_select(half_done, direction + elastica_extrapolation(direction, coarse), direction);
+            direction = direction * (1.0f / vsqrt(dot(direction, direction))); // at least 0.94
         }
         Wide3d d = to_double(direction);
         d = d * (1.5 - 0.5 * dot(d, d)); // a Newton step: unit to 1e-14
@@ -219,8 +221,9 @@ unsigned elastica(const ElasticaBlock& block, ElasticaScratch& scratch) {
         stop2[lane] = float(std::clamp(0.3 * block.tolerance / double(loads.length[lane]) *
                                            std::min(1.0, 10.0 / std::sqrt(double(loads.number[lane]))),
                                        1e-6, 1e-2));
-    elastica_solve({chains.data(), count}, loads, stop2, done);
-    elastica_emit(block, chains[count - 1], chains[count > 1 ? count - 2 : 0], loads.idle);
+    VInt half_done{};
+    elastica_solve({chains.data(), count}, loads, stop2, done, half_done);
+    elastica_emit(block, chains[count - 1], chains[count > 1 ? count - 2 : 0], loads.idle, half_done);
     unsigned unconverged = 0;
     for (int lane = 0; lane < lanes; ++lane) unconverged |= done[lane] == 0 ? 1U << lane : 0U;
     return unconverged;

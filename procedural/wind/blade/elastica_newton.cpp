@@ -29,6 +29,7 @@ constexpr float elastica_max_turn = 0.7f;      // of any piece in a step, radian
 constexpr float elastica_careful_turn = 0.25f; // of any piece in a second attempt
 constexpr float elastica_max_fine_turn = 0.3f; // and on the fine chain, where all is nearly in place
 constexpr float elastica_max_bend = 4.0f;      // tan(angle / 2) of a hinge: 152 degrees
+constexpr float elastica_max_twist = 0.5f;     // tan(angle / 2) of a hinge: beyond any solved pose
 // A hinge's stiffness with all beyond it, relative to its own. Below the first it is raised to the second.
 constexpr float elastica_weak_pivot = 0.2f, elastica_min_pivot = 0.7f;
 constexpr float elastica_kick = 0.2f;        // turn of the step away from an unstable pose, radians
@@ -42,7 +43,8 @@ constexpr int elastica_max_steps = 32;
 constexpr float elastica_huge = 1e30f;
 
 // From components in the frame of a piece to those in the frame of the piece before.
-MARRAM_INLINE void elastica_carry(const ElasticaJoint& j, Wide3f& v) {
+MARRAM_INLINE void elastica_carry(const ElasticaJoint& j, bool at_cv, Wide3f& v) {
+    if (at_cv) v = {j.spin_cos * v.x - j.spin_sin * v.y, j.spin_sin * v.x + j.spin_cos * v.y, v.z};
     const VFloat d = (j.qz * v.z - (j.qx * v.x + j.qy * v.y)) * j.scale;
     v = {v.x + d * j.qx, v.y + d * j.qy, d * j.qz - v.z};
 }
@@ -81,9 +83,20 @@ MARRAM_INLINE void elastica_frames(const ElasticaChain& c) {
                 const ElasticaSegment& s = c.segments[k];
                 const VFloat square = s.kink_x * s.kink_x + s.kink_y * s.kink_y;
                 const VFloat both = 2.0f * (s.kink_x * x + s.kink_y * y);
-                j.qx = s.kink_x * (2.0f - both) + x * (1.0f + square);
-                j.qy = s.kink_y * (2.0f - both) + y * (1.0f + square);
-                j.qz = 1.0f - square - both;
+                const VFloat qx = s.kink_x * (2.0f - both) + x * (1.0f + square);
+                const VFloat qy = s.kink_y * (2.0f - both) + y * (1.0f + square);
+                const VFloat scalar = 1.0f - square - both, spin = (1.0f + square) * j.twist;
+                // (-qy, qx, spin, scalar) as a turn without twist after one about the tangent.
+                const VFloat norm2 = scalar * scalar + spin * spin;
+                const VFloat per_norm = elastica_ratio(splat_float(1.0f), vsqrt(norm2));
+                const VInt turns = norm2 > VFloat{};
+                j.spin_cos =
+                    turns ? (scalar * scalar - spin * spin) * per_norm * per_norm : splat_float(1.0f);
+                j.spin_sin = 2.0f * scalar * spin * per_norm * per_norm;
+                const VFloat c = turns ? scalar * per_norm : splat_float(1.0f), e = spin * per_norm;
+                j.qx = c * qx - e * qy;
+                j.qy = c * qy + e * qx;
+                j.qz = norm2 * per_norm;
                 const VFloat q2 = j.qx * j.qx + j.qy * j.qy, z2 = j.qz * j.qz;
                 j.scale = 2.0f / (q2 + z2);
                 const VFloat per = j.qz / (z2 + 1e-4f * q2); // 1 / qz, bounded at a reversal
@@ -91,6 +104,11 @@ MARRAM_INLINE void elastica_frames(const ElasticaChain& c) {
                 j.twist_y = -j.qx * per;
             }
             elastica_turn(f, j.qx, j.qy, j.qz, j.scale);
+            if (i == 0) {
+                const Wide3f e1 = f.e1;
+                f.e1 = e1 * j.spin_cos + f.e2 * j.spin_sin;
+                f.e2 = f.e2 * j.spin_cos - e1 * j.spin_sin;
+            }
             j.e1 = f.e1;
             j.e2 = f.e2;
             j.t = f.t;
@@ -223,10 +241,19 @@ MARRAM_INLINE void elastica_substitute(const ElasticaJoint& j, Wide3f& by_x, Wid
 }
 
 // The hinge at a CV turns half-way through the kink, T = tan(kink / 4); the strand bends before and behind it.
-// Both projections of the moment together leave the bend in the kink's plane, and take that across it by the
-// cosine of half the kink, 1 - 2 T^2 / (1 + T^2).
-MARRAM_INLINE void elastica_add_kink(const ElasticaSegment& s, ElasticaHinge& m) {
-    const VFloat tx = s.kink_x, ty = s.kink_y, scale = 2.0f / (1.0f + tx * tx + ty * ty);
+// With half the hinge on each side, t the tangent half-way, n the axis of the kink and M the moment, they turn by
+//     compliance (M_n n + cos^2(kink / 2) M_c (t x n) + sin^2(kink / 2) M_t t).
+// M x t, the mean of both sides, has cos(kink / 2) M_c across the kink's plane: another cosine, which is
+// 1 - 2 T^2 / (1 + T^2), is missing. The twist about t is that of the last step's pose.
+MARRAM_INLINE void elastica_add_kink(const ElasticaSegment& s, VFloat load, ElasticaJoint& j,
+                                     ElasticaHinge& m) {
+    constexpr float steepest = 0.25f; // cosine; beyond, twists are bounded
+    const VFloat tx = s.kink_x, ty = s.kink_y, square = tx * tx + ty * ty, scale = 2.0f / (1.0f + square);
+    const VFloat cosine = (1.0f - square) * (0.5f * scale), sine2 = square * scale * scale;
+    // m.z = 2 cos(kink / 2) M_t
+    const VFloat twist =
+        0.25f * j.compliance * (m.z - load * j.rest_z) * sine2 / vmax(cosine, splat_float(steepest));
+    j.next_twist = vmin(vmax(twist, splat_float(-elastica_max_twist)), splat_float(elastica_max_twist));
     const auto shorten = [&](VFloat& x, VFloat& y) MARRAM_ALWAYS_INLINE {
         const VFloat across = scale * (tx * y - ty * x);
         x += across * ty;
@@ -249,22 +276,22 @@ MARRAM_INLINE void elastica_cross(ElasticaSweep& w, const ElasticaSegment& s, co
     ElasticaHinge m;
     elastica_add_side(w, m);
     if (at_cv) elastica_move(w, 2.0f * j.skew, m); // else 0
-    elastica_carry(j, w.force);
-    elastica_carry(j, w.moment);
-    elastica_carry(j, w.force_x);
-    elastica_carry(j, w.force_y);
-    elastica_carry(j, w.force_t);
-    elastica_carry(j, w.force_0);
-    elastica_carry(j, w.moment_x);
-    elastica_carry(j, w.moment_y);
-    elastica_carry(j, w.moment_t);
-    elastica_carry(j, w.moment_0);
+    elastica_carry(j, at_cv, w.force);
+    elastica_carry(j, at_cv, w.moment);
+    elastica_carry(j, at_cv, w.force_x);
+    elastica_carry(j, at_cv, w.force_y);
+    elastica_carry(j, at_cv, w.force_t);
+    elastica_carry(j, at_cv, w.force_0);
+    elastica_carry(j, at_cv, w.moment_x);
+    elastica_carry(j, at_cv, w.moment_y);
+    elastica_carry(j, at_cv, w.moment_t);
+    elastica_carry(j, at_cv, w.moment_0);
     elastica_add_side(w, m);
     m.x += 2.0f * j.spread * q.x;
     m.y += 2.0f * j.spread * q.y;
     m.x -= w.load * j.rest_x;
     m.y -= w.load * j.rest_y;
-    if (at_cv) elastica_add_kink(s, m);
+    if (at_cv) elastica_add_kink(s, w.load, j, m);
     elastica_eliminate(m, j, w.unstable);
     elastica_substitute(j, w.force_x, w.force_y, w.force_t, w.force_0);
     elastica_substitute(j, w.moment_x, w.moment_y, w.moment_t, w.moment_0);
@@ -329,6 +356,7 @@ MARRAM_INLINE void elastica_update(const ElasticaChain& c, VInt frozen, VInt bes
         }
         j.bend_x = frozen ? j.bend_x : x;
         j.bend_y = frozen ? j.bend_y : y;
+        j.twist = frozen ? j.twist : j.next_twist;
     }
 }
 
@@ -381,7 +409,7 @@ MARRAM_INLINE void elastica_hang(const ElasticaChain& c, bool hangs) {
     const VFloat zero{};
     for (int i = 0; i < c.last * c.pieces; ++i) {
         ElasticaJoint& j = c.joints[i];
-        j.bend_x = j.bend_y = j.rest_x = j.rest_y = zero;
+        j.bend_x = j.bend_y = j.twist = j.next_twist = j.rest_x = j.rest_y = j.rest_z = zero;
     }
     if (!hangs) return;
     elastica_frames(c);
@@ -400,8 +428,10 @@ MARRAM_INLINE void elastica_hang(const ElasticaChain& c, bool hangs) {
                 x -= 2.0f * j.skew * force.x;
                 y -= 2.0f * j.skew * force.y;
             }
-            elastica_carry(j, force);
-            elastica_carry(j, moment);
+            const VFloat behind = moment.z;
+            elastica_carry(j, i == 0, force);
+            elastica_carry(j, i == 0, moment);
+            j.rest_z = behind + moment.z;
             j.rest_x = x + moment.y + 2.0f * j.spread * q.x;
             j.rest_y = y - moment.x + 2.0f * j.spread * q.y;
         }
@@ -431,13 +461,17 @@ MARRAM_INLINE void elastica_refine(const ElasticaChain& coarse, const ElasticaCh
             j.bend_x = (x + (nx - x) * u) * j.compliance;
             j.bend_y = (y + (ny - y) * u) * j.compliance;
         }
+        if (k % coarse.pieces == 0) {
+            ElasticaJoint& at_cv = fine.joints[k * parts];
+            at_cv.twist = elastica_ratio(from[k].twist, from[k].compliance) * at_cv.compliance;
+        }
         x = nx;
         y = ny;
     }
 }
 
 MARRAM_HOT void elastica_solve_chains(std::span<const ElasticaChain> chains, const ElasticaLoads& loads,
-                                      const VFloat& stop2, VInt& done) {
+                                      const VFloat& stop2, VInt& done, VInt& half_done) {
     const VFloat zero{}, one = splat_float(1.0f);
     const ElasticaChain& coarse = chains[0];
     elastica_hinges(coarse);
@@ -458,6 +492,7 @@ MARRAM_HOT void elastica_solve_chains(std::span<const ElasticaChain> chains, con
         done = elastica_newton(coarse, done, load, damping, stop, max_turn);
     }
     for (size_t i = 1; i < chains.size(); ++i) {
+        half_done = done;
         elastica_hinges(chains[i]);
         elastica_hang(chains[i], loads.hangs);
         elastica_refine(chains[i - 1], chains[i]);
@@ -468,8 +503,8 @@ MARRAM_HOT void elastica_solve_chains(std::span<const ElasticaChain> chains, con
 } // namespace
 
 void elastica_solve(std::span<const ElasticaChain> chains, const ElasticaLoads& loads, const VFloat& stop2,
-                    VInt& done) {
-    elastica_solve_chains(chains, loads, stop2, done);
+                    VInt& done, VInt& half_done) {
+    elastica_solve_chains(chains, loads, stop2, done, half_done);
 }
 
 } // namespace marram

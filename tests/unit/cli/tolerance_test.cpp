@@ -275,4 +275,22 @@ TEST(Tolerance, LooksAtEveryFrameOfASkinThatMoves) {
               0.5);
 }
 
+// A wind that differs by chance alone has one step for 128 frames; one that changes has it for 16.
+TEST(Tolerance, ChoosesTheStepOfJiggleWhereTheWindChanges) {
+    const auto step = [](const std::vector<std::string>& changes, double frame) {
+        std::vector<std::string> all = {"tolerance=0.0005", "procedural.fur.count=500"};
+        all.insert(all.end(), changes.begin(), changes.end());
+        return chosen_in("golden/fur.toml", all, frame, "fur.jiggle_step");
+    };
+    const std::string swings = "wind.jiggle={frequency=4, damping=0.5";
+    const std::vector<std::string> burst = {"wind.speed={keys=[[44, 0], [46, 14], [48, 0]]}", swings + "}"};
+    EXPECT_LE(step(burst, 46.0), 0.25);
+    EXPECT_GE(step(burst, 110.0), 0.5); // long over
+    const std::vector<std::string> steady = {"wind.speed=10", swings + "}", "wind.noise.amplitude=1"};
+    EXPECT_EQ(step(steady, 3.0), step(steady, 125.0));
+    const std::vector<std::string> late = {"wind.speed=10", swings + ", start_frame=110}",
+                                           "wind.noise={amplitude=1, frequency=3}"};
+    EXPECT_LE(step(late, 120.0), 0.25);
+}
+
 } // namespace marram::testing

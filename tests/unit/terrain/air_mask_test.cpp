@@ -97,5 +97,28 @@ TEST(AirMask, AnEditMakesItAnew) {
     }
 }
 
+// Samples on the border are inside, however their places are rounded.
+TEST(AirMask, ReachesToTheBorder) {
+    const std::string small = "size = [10.1, 10.1]\ncell = 0.1";
+    std::string text = blown_dune("0.25", "", "[-1, 0, 0]");
+    text.replace(text.find("size = [100, 40]\ncell = 0.25"), 28, small);
+    const Air air = air_of(text);
+    const auto n = size_t(std::lround(std::sqrt(double(air.values().size()))));
+    ASSERT_EQ(n * n, air.values().size());
+    for (size_t k = 0; k < n; ++k) {
+        EXPECT_NEAR(air.values()[k * n + n - 1], air.values()[k * n + n - 2], 0.05F) << k;
+        EXPECT_NEAR(air.values()[(n - 1) * n + k], air.values()[(n - 2) * n + k], 0.05F) << k;
+    }
+}
+
+TEST(AirMask, NeedsOneDirectionAlongTheGround) {
+    try {
+        air_of(blown_dune("0.5", "", "[0, -1, 0]"));
+        FAIL();
+    } catch (const InputError& error) {
+        EXPECT_NE(to_string(error.problems[0]).find("one direction along the ground"), std::string::npos);
+    }
+}
+
 } // namespace
 } // namespace marram::testing

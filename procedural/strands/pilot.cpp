@@ -108,8 +108,8 @@ void bend_sample(const PilotGroom& pilot, const RootSample& some, double frame, 
     for (size_t i = 0; i < strands.envelope.size(); ++i) {
         const double u = double(i % size_t(cvs)) / double(cvs - 1);
         const double own = std::clamp(pilot.groom.envelope(u), 0.0, 1.0);
-        strands.envelope[i] = local ? strands.wind_response[i] * float(own * strength)
-                                    : splat_float(float(own * response));
+        strands.envelope[i] =
+            local ? strands.wind_response[i] * float(own * strength) : splat_float(float(own * response));
     }
     const bool sags = pilot.groom.blade && pilot.groom.blade->sags;
     if ((response > 0.0 && wind_bends(pilot.wind)) || sags)
@@ -298,8 +298,8 @@ Choice cvs_for(const PilotGroom& pilot) {
     return {double(max_segments + 1), false};
 }
 
-JigglePilot jiggle_pilot(const PilotGroom& pilot, double tolerance) {
-    const auto some = std::make_shared<const RootSample>(pilot, max_jiggle_pilots);
+JigglePilot jiggle_pilot(const PilotGroom& pilot, double tolerance, size_t strands) {
+    const auto some = std::make_shared<const RootSample>(pilot, strands);
     return {pilot.wind,
             pilot.frame,
             &pilot.skin,
@@ -320,14 +320,16 @@ JigglePilot jiggle_pilot(const PilotGroom& pilot, double tolerance) {
 
 namespace {
 
+constexpr double moments_apart = 32.0; // frames
+
 // Whether the wind differs from time to time by chance alone.
 bool is_steady(const Wind& wind) {
     if (wind.keys || wind.jiggle->start_frame || std::ranges::any_of(wind.fields, field_moves)) return false;
     if (!wind.gusts) return true;
     const Gusts& gusts = *wind.gusts;
-    const bool at_any_time =
-        gusts.period > 0.0 && gusts.start_frame.y() - gusts.start_frame.x() >= 0.99 * gusts.period;
-    return gusts.controls.empty() && (gusts.num_gusts == 0 || at_any_time);
+    // Random gusts that start within a shorter time pass between two moments, or all at one.
+    const double starts_over = gusts.start_frame.y() - gusts.start_frame.x();
+    return gusts.controls.empty() && (gusts.num_gusts == 0 || starts_over >= moments_apart);
 }
 
 } // namespace
@@ -336,13 +338,13 @@ JiggleMoments jiggle_moments(const Wind& wind, double frame) {
     constexpr double within = 9.375; // within a step of every length
     JiggleMoments moments;
     moments.alike = is_steady(wind);
-    const double together = moments.alike ? 128.0 : 16.0; // frames
+    const double together = moments.alike ? 4.0 * moments_apart : 16.0; // frames
     const double first = std::floor(frame / together) * together;
     if (moments.alike)
-        moments.frames = {first + within, first + 32.0 + within, first + 64.0 + within,
-                          first + 96.0 + within};
+        for (int i = 0; i < 4; ++i) moments.frames.push_back(first + i * moments_apart + within);
     else
         moments.frames = {first + within, first + 1.375, first + 5.375, first + 13.375, first + together};
+    moments.strands = moments.alike ? 128 : 200;
     return moments;
 }
 

@@ -56,27 +56,27 @@ struct JigglePilot {
     const Blade* blade = nullptr;
 };
 
-JigglePilot jiggle_pilot(const PilotGroom& pilot, double tolerance);
+JigglePilot jiggle_pilot(const PilotGroom& pilot, double tolerance, size_t strands);
 
 // The moments at which the step of jiggle is chosen for a frame: the same for neighbours, which then have one
 // step, need not choose it again, and go on from each other's states.
 struct JiggleMoments {
     std::vector<double> frames;
     // The wind differs from time to time by chance alone: four moments of 128 frames, and the 99th percentile is that of
-    // their strands together. Else, if keys, fields that move, gusts that are placed in time or a start_frame of
-    // jiggle change it: five moments of 16 frames, and the greatest of their percentiles counts. What is over
-    // between two of these is missed.
+    // their strands together. Else, if there are keys, fields that move, gusts by hand, random ones that all start
+    // within 32 frames, or a start_frame of jiggle: five moments of 16 frames, and the greatest of their
+    // percentiles counts. What is over between two of these is missed.
     bool alike = true;
+    size_t strands = 128; // of the sample, at each moment
 };
 JiggleMoments jiggle_moments(const Wind& wind, double frame);
-inline constexpr size_t max_jiggle_pilots = 128; // at each moment
 
 // The step between samples of the past in frames: 1/64, 1/32, ... 2. Steps of 2, 1 and 1/2 are compared with
 // 1/4; for finer ones the error is extrapolated with the square of the step, as where gusts begin (between, it
 // falls faster). At most 1/2 if jiggle has a start_frame, which is rounded down to a whole number of steps. Not
 // finer than a window of 2048 samples allows. On a moving skin always 1/2: its motion is usually keyed at whole
-// frames, and each trial would need new poses from the host. Cost: at each moment max_jiggle_pilots strands
-// over about 200 past samples.
+// frames, and each trial would need new poses from the host. Cost: at each moment the sample over
+// about 200 past samples.
 Choice jiggle_step_for(const JigglePilot& pilot, const JiggleMoments& moments, bool skin_moves);
 
 inline constexpr double default_jiggle_step = 0.5;

@@ -137,7 +137,7 @@ Choice StrandInstance::choose_step(double tolerance) {
                               wind.noise.left_out,    moved};
     if (!step_choice || step_choice->made_for != now) {
         step_choice.reset();
-        step_choice = StepChoice{now, jiggle_step_for(pilot(rounded), moments, moved)};
+        step_choice = StepChoice{now, jiggle_step_for(pilot(rounded, moments.strands), moments, moved)};
     }
     return step_choice->choice;
 }

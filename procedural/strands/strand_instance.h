@@ -143,7 +143,7 @@ struct StrandInstance : Instance {
     virtual int min_cvs() const = 0;                       // of a strand
     virtual const Blade* blade() const { return nullptr; } // that the strands bend as
     // Strands that are evaluated to choose the step of jiggle.
-    virtual JigglePilot pilot(double tolerance) const = 0;
+    virtual JigglePilot pilot(double tolerance, size_t strands) const = 0;
     virtual bool moves() const = 0;                         // rest strands, within the shutter
     virtual bool curves_move() const { return false; }      // imported strands, in their file, at any time
     virtual double travel_of_curves() const { return 0.0; } // of those in the last 256 frames, roughly, m

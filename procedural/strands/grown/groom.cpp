@@ -409,7 +409,9 @@ PilotGroom GroomInstance::pilot_groom() const {
             max_instance_scale(mesh_instances)};
 }
 
-JigglePilot GroomInstance::pilot(double tolerance) const { return jiggle_pilot(pilot_groom(), tolerance); }
+JigglePilot GroomInstance::pilot(double tolerance, size_t strands) const {
+    return jiggle_pilot(pilot_groom(), tolerance, strands);
+}
 
 void GroomInstance::choose_cvs() {
     if (automatic.cvs) {

@@ -133,7 +133,7 @@ struct GroomInstance : StrandInstance {
     void choose_cvs() override;
     int min_cvs() const override { return groom.cvs; }
     const Blade* blade() const override { return groom.blade ? &*groom.blade : nullptr; }
-    JigglePilot pilot(double tolerance) const override;
+    JigglePilot pilot(double tolerance, size_t strands) const override;
     bool moves() const override { return mesh->time_count > 1 || instances_move(); }
     LongWork work() const override;
     ChainFrame make_chain(PastWind* earlier) override;

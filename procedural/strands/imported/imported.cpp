@@ -308,16 +308,16 @@ LongWork ImportInstance::work() const {
 }
 
 // A few strands of the most frequent CV count, for choosing the step of jiggle.
-JigglePilot ImportInstance::pilot(double tolerance) const {
+JigglePilot ImportInstance::pilot(double tolerance, size_t strands) const {
     const ImportInstance& instance = *this;
     std::map<uint32_t, uint64_t> by_cvs;
     for (uint64_t c = 0; c < instance.curves.count(); ++c) ++by_cvs[instance.curves.cvs(c)];
     const auto most = std::ranges::max_element(by_cvs, {}, [](const auto& one) { return one.second; });
     const uint32_t cvs = most == by_cvs.end() ? 2 : most->first;
     const uint64_t count_of_cvs = most == by_cvs.end() ? 0 : most->second,
-                   step = std::max<uint64_t>(count_of_cvs / max_jiggle_pilots, 1);
+                   step = std::max<uint64_t>(count_of_cvs / strands, 1);
     std::vector<uint32_t> some;
-    for (uint64_t c = 0, seen = 0; c < instance.curves.count() && some.size() < max_jiggle_pilots; ++c)
+    for (uint64_t c = 0, seen = 0; c < instance.curves.count() && some.size() < strands; ++c)
         if (instance.curves.cvs(c) == cvs && seen++ % step == 0) some.push_back(uint32_t(c));
     const size_t count = some.size();
     return {instance.wind,

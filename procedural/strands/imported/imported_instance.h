@@ -104,7 +104,7 @@ struct ImportInstance : StrandInstance {
     Eigen::AlignedBox3d bounds_without_meshes() const override { return bind_box; }
     double longest() const override { return longest_now; }
     int min_cvs() const override { return int(least_cvs); }
-    JigglePilot pilot(double tolerance) const override;
+    JigglePilot pilot(double tolerance, size_t strands) const override;
     bool curves_move() const override { return curves.curves.moves != 0; }
     double travel_of_curves() const override;
     LongWork work() const override;

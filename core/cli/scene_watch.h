@@ -16,8 +16,8 @@ class SceneWatch {
   public:
     SceneWatch(std::string scene, Overrides overrides);
 
-    // Reads all files again, after which the last Shot is gone. Clears stop(). Throws InputError, which lists all
-    // mistakes, and Cancelled, if an interrupt comes.
+    // Reads all files again, after which the last Shot is gone. Clears stop(). Throws InputError, which lists
+    // all mistakes, and Cancelled, if an interrupt comes.
     Shot& load();
 
     // Set by an interrupt, and when a file of the scene has been saved since the last load(). Work on the

@@ -35,7 +35,8 @@ struct DisplayAddress {
 // Parses "HOST:PORT" or "[IPV6]:PORT". Throws InputError with the place "--display TEXT".
 DisplayAddress parse_display(const std::string& text);
 
-// The packets. `pixels`: all channels interleaved, rows from the top. Updates are bands of rows of about 1 MiB.
+// The packets. `pixels`: all channels interleaved, rows from the top. Updates are bands of rows of about 1
+// MiB.
 std::vector<char> create_packet(const std::string& name, int width, int height,
                                 std::span<const std::string> channels);
 std::vector<char> update_packets(const std::string& name, int width, int height,

@@ -85,23 +85,23 @@ FrameSeries::FrameSeries(ViewClient client, SeriesRequest request, const Shot& s
 
 void FrameSeries::trace(KeptGeometry& kept, const std::function<void()>& show) {
     World world = build_frame(*frame_, std::exchange(kept, {}));
-    if (taken_.width > 0) frame_->film = std::exchange(taken_, {});
+    if (paused_film_.width > 0) frame_->film = std::exchange(paused_film_, {});
     show();
     Preview none({});
     frame_->between_passes = show;
     trace_frame(*frame_, world, none);
-    if (stats_.render.cancelled) taken_ = std::exchange(frame_->film, {});
+    if (stats_.render.cancelled) paused_film_ = std::exchange(frame_->film, {});
     kept = kept_geometry(std::move(world)); // free the rest: saving may need the memory
 }
 
 void FrameSeries::work(Shot& shot, KeptGeometry& kept, int threads, const std::function<void()>& show) {
-    if (!frame_ || saved_) {
+    if (!frame_ || frame_saved_) {
         stats_ = {};
         stats_.frame = files_[next_].frame;
         stats_.threads = threads;
         frame_.reset(
             new Frame{shot, options_, files_[next_], layer_names(shot, options_.layers), stop_, stats_});
-        saved_ = false;
+        frame_saved_ = false;
     }
     std::swap(shot.description.camera, camera_);
     try {
@@ -114,13 +114,13 @@ void FrameSeries::work(Shot& shot, KeptGeometry& kept, int threads, const std::f
     if (stats_.render.cancelled) return;
     for (std::string& warning : render_warnings(*frame_)) warnings_.insert(std::move(warning));
     save_frame(*frame_);
-    saved_ = true;
+    frame_saved_ = true;
     ++next_;
 }
 
 nlohmann::json FrameSeries::progress() const {
     const size_t at = std::min(next_, files_.size() - 1);
-    const bool traced = frame_ && !saved_ && frame_->film.width > 0;
+    const bool traced = frame_ && !frame_saved_ && frame_->film.width > 0;
     return {{"type", "series"},
             {"seq", request_.seq},
             {"frame", files_[at].frame},

@@ -6,6 +6,7 @@
 #include "core/view/inbox.h"
 #include "core/view/wire.h"
 
+#include <atomic>
 #include <functional>
 #include <memory>
 #include <set>
@@ -16,9 +17,10 @@ namespace marram {
 
 class FrameSeries {
   public:
-    // Checks the order and makes the folder, in an existing one; it is relative to that of the scene. Pictures are
-    // NAME.####.exr, NAME that of the scene file. settings: of the shot, key=value. Throws InputError: a list
-    // that is none, a folder that cannot be written, pictures that are there and may not be replaced.
+    // Makes the folder of the order; it is relative to that of the scene, and its parent must exist. Pictures
+    // are NAME.####.exr, NAME that of the scene file, #### the frame. settings: of the shot, key=value.
+    // Throws InputError: frames that are no list, a folder that cannot be written, pictures that are there
+    // and may not be replaced.
     FrameSeries(ViewClient client, SeriesRequest request, const Shot& shot, const std::string& scene,
                 std::vector<std::string> settings, const std::atomic<bool>& stop);
     FrameSeries(const FrameSeries&) = delete;
@@ -29,9 +31,10 @@ class FrameSeries {
     size_t saved() const { return next_; } // pictures
     bool done() const { return next_ == files_.size(); }
 
-    // Goes on until the next picture is saved, or `stop` is set: the samples then stay, and work goes on with the
-    // same bits. `kept` is used and given back. show(): between passes, when nothing else changes this. The shot
-    // is that of the constructor, unchanged. Throws InputError and Cancelled.
+    // Renders until the next picture is saved, or `stop` is set: the samples then stay, and the next call
+    // goes on to the same bits. `kept` is moved from, and set to the frame's geometry. show(): called between
+    // passes, when nothing else changes this. The shot is that of the constructor, unchanged. Throws
+    // InputError, and Cancelled if `stop` is set while geometry is built.
     void work(Shot& shot, KeptGeometry& kept, int threads, const std::function<void()>& show);
 
     nlohmann::json progress() const; // "series": how far it is
@@ -52,8 +55,8 @@ class FrameSeries {
     const std::atomic<bool>& stop_;
     FrameStats stats_;
     std::unique_ptr<Frame> frame_; // in work or, once it is saved, the last one
-    bool saved_ = false;           // frame_ is
-    Film taken_;                   // samples of the frame in work, while it was stopped
+    bool frame_saved_ = false;     // frame_ is
+    Film paused_film_;             // samples of the frame in work, while it was stopped
     std::set<std::string> warnings_;
 };
 

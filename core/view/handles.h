@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a page shows of the wind, in metres and world space: gusts by hand, fields and points of drawn curves, which
-// are moved with the pointer, and random gusts, which are not.
+// What a page shows of the wind, in metres and world space: gusts by hand, fields and points of drawn curves,
+// which are moved with the pointer, and random gusts, which are not.
 #pragma once
 
 #include "core/shot/shot.h"

@@ -16,8 +16,8 @@
 namespace marram {
 
 // Appends a layer of a resolved film as RGBA, 8 bits, each so many-th pixel of both sides. Sets width and
-// height in the header. exposure: stops, of the beauty. Values that are no colours: from black to white over their
-// range.
+// height in the header. exposure: stops, of the beauty. Values that are no colours: from black to white over
+// their range.
 void add_pixels(const Film& film, const std::string& layer, double exposure, uint32_t step,
                 WireMessage& message);
 

@@ -20,8 +20,9 @@ class OpenScene {
     // `stop` is polled by loading and by the scene's procedurals; it must outlive this.
     OpenScene(std::string file, Overrides overrides, const std::atomic<bool>& stop);
 
-    // Each of these throws InputError, which lists all mistakes, or Cancelled; the last good state then stays,
-    // and the history, too. undo() and redo() do nothing at its ends. shot() may be another object afterwards.
+    // Each of these throws InputError, which lists all mistakes, or Cancelled; the last good state then
+    // stays, and the history, too. undo() and redo() do nothing at its ends. shot() may be another object
+    // afterwards.
     void load(); // reads all files again
     // Without a value the key has the file's again. Successive calls with the same gesture other than 0 (one
     // drag) make one step of undo.
@@ -29,8 +30,9 @@ class OpenScene {
     void undo();
     void redo();
     void reset(); // all values back to the file's
-    // Writes the changed values into the scene file, which must be without mistakes. Undo goes on to the states before,
-    // which then differ from the file; not beyond a value that the file did not have, and that has no default.
+    // Writes the changed values into the scene file, which must be without mistakes. Undo goes on to the
+    // states before, which then differ from the file; not beyond a value that the file did not have, and that
+    // has no default.
     void save();
 
     // True once for each change: a file differs in time or size from what was read, and is as it was at the

@@ -15,8 +15,8 @@
 
 namespace marram {
 
-// A run of strands whose positions are quantized to 16 bits in a bounding box of their own, which is sent with
-// each frame.
+// A run of strands whose positions are quantized to 16 bits in a bounding box of their own, which is sent
+// with each frame.
 struct StrandChunk {
     uint64_t first_vertex = 0, vertices = 0; // of the part's chosen strands
     size_t first = 0, last = 0;              // [first, last) in StrandPart::strands

@@ -57,8 +57,8 @@ struct BuildSettings {
     std::optional<CameraSamples> camera; // none: growth surfaces are rendered
     std::vector<std::string> attributes; // of curves, by name; ignored if a procedural does not have them
     double share = 0.0; // of a preview: about this share of the curves, 0 ... 1; 0: all (MarramFrame.share)
-    // Radii of curves of which only a share is made grow by this power of all / made. 1: they cover as much as
-    // all, 0: they stay.
+    // Radii of curves of which only a share is made grow by this power of all / made. 1: they cover as much
+    // as all, 0: they stay.
     double widening = 0.0;
     bool trace_curves = true; // false: curves are made but not traced (baking)
     // Straight pieces per segment; 0: trace the cubic; -1: the tolerance chooses (curve_pieces.h).

@@ -14,9 +14,9 @@
 //     f <- s f - (1 - s) return_flow d,          s = y^2 (3 - 2 y), y = min(z / e, 1);  s = 1 without a bubble
 //
 // so the air returns at the ground and joins the flow above at the streamline. The velocity of wind v (m/s,
-// its horizontal part v_h, along d) at a point at height z is |v_h| f, turned parallel to the slope of the ground
-// there without change of speed, plus v's vertical part. With a reference height H above 0, v_h is meant at
-// that height, and is multiplied by ln(1 + z / z0) / ln(1 + H / z0), z0 the roughness of the ground.
+// its horizontal part v_h, along d) at a point at height z is |v_h| f, turned parallel to the slope of the
+// ground there without change of speed, plus v's vertical part. With a reference height H above 0, v_h is
+// meant at that height, and is multiplied by ln(1 + z / z0) / ln(1 + H / z0), z0 the roughness of the ground.
 //
 // Outside the grid the wind is v, by the same logarithmic law at the point's own height above its root.
 // Heights beyond the inner layer, some tenth of the length of a hill, take the wind of the ground too:
@@ -67,8 +67,8 @@ class GroundAir {
         double part = 0.0;                // share of `second`
         Vec2d direction = Vec2d::UnitX(); // x and z, unit
     };
-    // `turns`: its direction changes in time. Vertical winds and empty ground: air is nullptr. Computes what it
-    // has not yet; call it before parallel work on strands. Thread-safe. The result lives as long as the
+    // `turns`: its direction changes in time. Vertical winds and empty ground: air is nullptr. Computes what
+    // it has not yet; call it before parallel work on strands. Thread-safe. The result lives as long as the
     // GroundAir.
     At at(const Vec3d& direction, bool turns);
 
@@ -94,7 +94,8 @@ struct SpeedHeight {
 Wide3d wind_over_ground(const GroundAir::At& at, const SpeedHeight& reference, const Wide3d& p,
                         const VDouble& above, const Vec3d& velocity);
 
-// The part of f along d at eight x and z, `above` metres over the ground: how fast the air is, over level ground 1.
+// The part of f along d at eight x and z, `above` metres over the ground: how fast the air is, over level
+// ground 1.
 // Below 0: it returns. Outside the grid 1.
 VDouble speed_over_ground(const GroundAir::At& at, const VDouble& x, const VDouble& z, double above);
 

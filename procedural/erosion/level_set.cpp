@@ -6,8 +6,8 @@
 // Mesh. One vertex in each cell of eight voxels that the surface crosses, and one quad around each edge whose
 // ends have opposite signs (surface nets: S. Gibson, "Constrained Elastic Surface Nets", MICCAI 1998). A
 // vertex starts at the mean of the crossings of its cell's edges and is moved onto the surface by two Newton
-// steps along the gradient, at least 0.02 h inside its cell, so that no triangle collapses: up to 0.035 h off the
-// surface, 0.004 h rms (build/rock_erosion mesh). A sphere of radius R is within h^2 / (8 R) besides.
+// steps along the gradient, at least 0.02 h inside its cell, so that no triangle collapses: up to 0.035 h off
+// the surface, 0.004 h rms (build/rock_erosion mesh). A sphere of radius R is within h^2 / (8 R) besides.
 // Normals are the gradient by central differences. OpenVDB's volumeToMesh takes as long and lies closer, but
 // wear needs the vertex of each cell, and the same bits at any thread count.
 //
@@ -27,9 +27,9 @@
 // Determinism: each leaf (8 x 8 x 8 voxels) is processed into its own memory, and results are concatenated in
 // leaf order. So results are bitwise the same for any number of threads.
 //
-// Cost on one core: 0.4 us per voxel of the band and pass, 0.6 us per vertex for the mesh. A ball in a grid of
-// 512^3 with 3 10^6 voxels and 750,000 vertices takes 1.2 s and 0.4 s (half of it on two cores), and 7 s to
-// build from a mesh. Memory: 26 bytes per voxel, three times that during wear.
+// Cost on one core: 0.4 us per voxel of the band and pass, 0.6 us per vertex for the mesh. A ball in a grid
+// of 512^3 with 3 10^6 voxels and 750,000 vertices takes 1.2 s and 0.4 s (half of it on two cores), and 7 s
+// to build from a mesh. Memory: 26 bytes per voxel, three times that during wear.
 #include "procedural/erosion/level_set.h"
 
 #include "procedural/erosion/level_set_distances.h"

@@ -56,8 +56,8 @@ double distance(const Wide3f& a, const Wide3f& b, int lane) {
     return std::sqrt(x * x + y * y + z * z);
 }
 
-// Appends for each strand the greatest distance between a CV of `fine`, which has `every` times as many segments,
-// and the point of the polygon of `coarse` at the same parameter.
+// Appends for each strand the greatest distance between a CV of `fine`, which has `every` times as many
+// segments, and the point of the polygon of `coarse` at the same parameter.
 void add_polygon_errors(const WideVector<Wide3f>& coarse, const WideVector<Wide3f>& fine, size_t strands,
                         size_t segments, size_t every, std::vector<double>& distances) {
     const size_t cvs = segments + 1, fine_cvs = segments * every + 1;
@@ -118,7 +118,8 @@ void bend_sample(const PilotGroom& pilot, const RootSample& some, double frame, 
         std::copy(strands.rest.begin(), strands.rest.end(), strands.pose.begin());
 }
 
-// Poses of strands that jiggle on a static skin at a time, in the full wind: shelter differs from frame to frame.
+// Poses of strands that jiggle on a static skin at a time, in the full wind: shelter differs from frame to
+// frame.
 // Empty before jiggle.start_frame.
 WideVector<Wide3f> jiggled(const JigglePilot& pilot, double time, double step, Strands& strands) {
     Wind wind = pilot.wind;
@@ -323,7 +324,7 @@ namespace {
 constexpr double moments_apart = 32.0; // frames
 
 // Whether the wind differs from time to time by chance alone.
-bool is_steady(const Wind& wind) {
+bool is_stationary(const Wind& wind) {
     if (wind.keys || wind.jiggle->start_frame || std::ranges::any_of(wind.fields, field_moves)) return false;
     if (!wind.gusts) return true;
     const Gusts& gusts = *wind.gusts;
@@ -337,14 +338,14 @@ bool is_steady(const Wind& wind) {
 JiggleMoments jiggle_moments(const Wind& wind, double frame) {
     constexpr double within = 9.375; // within a step of every length
     JiggleMoments moments;
-    moments.alike = is_steady(wind);
-    const double together = moments.alike ? 4.0 * moments_apart : 16.0; // frames
+    moments.stationary = is_stationary(wind);
+    const double together = moments.stationary ? 4.0 * moments_apart : 16.0; // frames
     const double first = std::floor(frame / together) * together;
-    if (moments.alike)
+    if (moments.stationary)
         for (int i = 0; i < 4; ++i) moments.frames.push_back(first + i * moments_apart + within);
     else
         moments.frames = {first + within, first + 1.375, first + 5.375, first + 13.375, first + together};
-    moments.strands = moments.alike ? 128 : 200;
+    moments.strands = moments.stationary ? 128 : 200;
     return moments;
 }
 
@@ -354,7 +355,7 @@ namespace {
 class StepErrors {
   public:
     StepErrors(const JigglePilot& pilot, const JiggleMoments& moments)
-        : pilot_(pilot), alike_(moments.alike) {
+        : pilot_(pilot), pooled_(moments.stationary) {
         strands_.irregular = pilot.irregular;
         strands_.resize(int(pilot.count), pilot.cvs, false);
         for (const double moment : moments.frames)
@@ -367,11 +368,11 @@ class StepErrors {
         for (const Moment& moment : moments_) {
             const WideVector<Wide3f> coarse = jiggled(pilot_, moment.frame, step, strands_);
             add_polygon_errors(coarse, moment.fine, pilot_.count, size_t(pilot_.cvs - 1), 1, distances);
-            if (alike_) continue;
+            if (pooled_) continue;
             most = std::max(most, percentile_99(distances));
             distances.clear();
         }
-        if (alike_) most = percentile_99(distances);
+        if (pooled_) most = percentile_99(distances);
         const double ratio = reference_step / step; // the error falls with the square of the step
         return most / (1.0 - ratio * ratio);
     }
@@ -383,7 +384,7 @@ class StepErrors {
         WideVector<Wide3f> fine;
     };
     const JigglePilot& pilot_;
-    bool alike_;
+    bool pooled_;
     Strands strands_;
     std::vector<Moment> moments_;
 };

@@ -9,6 +9,7 @@
 #include "procedural/wind/chain.h"
 
 #include <functional>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -62,23 +63,24 @@ JigglePilot jiggle_pilot(const PilotGroom& pilot, double tolerance, size_t stran
 // step, need not choose it again, and go on from each other's states.
 struct JiggleMoments {
     std::vector<double> frames;
-    // The wind differs from time to time by chance alone: four moments of 128 frames, and the 99th percentile is that of
-    // their strands together. Else, if there are keys, fields that move, gusts by hand, random ones that all start
-    // within 32 frames, or a start_frame of jiggle: five moments of 16 frames, and the greatest of their
-    // percentiles counts. What is over between two of these is missed.
-    bool alike = true;
+    // The wind differs from time to time by chance alone: four moments in each block of 128 frames, and the
+    // 99th percentile is that of their strands together. Else, if there are keys, fields that move, gusts by
+    // hand, random ones that all start within 32 frames, or a start_frame of jiggle: five moments in each
+    // block of 16 frames, and the greatest of their percentiles counts. What is over between two of these is
+    // missed.
+    bool stationary = true;
     size_t strands = 128; // of the sample, at each moment
 };
 JiggleMoments jiggle_moments(const Wind& wind, double frame);
 
 // The step between samples of the past in frames: 1/64, 1/32, ... 2. Steps of 2, 1 and 1/2 are compared with
-// 1/4; for finer ones the error is extrapolated with the square of the step, as where gusts begin (between, it
-// falls faster). At most 1/2 if jiggle has a start_frame, which is rounded down to a whole number of steps. Not
-// finer than a window of 2048 samples allows. On a moving skin always 1/2: its motion is usually keyed at whole
-// frames, and each trial would need new poses from the host. Cost: at each moment the sample over
-// about 200 past samples.
+// 1/4; for finer ones the error is extrapolated with the square of the step, as where gusts begin (between,
+// it falls faster). At most 1/2 if jiggle has a start_frame, which is rounded down to a multiple of the
+// step. Not finer than a window of 2048 samples allows. On a moving skin always 1/2: its motion is usually
+// keyed at whole frames, and each trial would need new poses from the host. Cost: at each moment the sample
+// over about 200 past samples.
 Choice jiggle_step_for(const JigglePilot& pilot, const JiggleMoments& moments, bool skin_moves);
 
-inline constexpr double default_jiggle_step = 0.5;
+inline constexpr double default_jiggle_step = 0.5; // frames
 
 } // namespace marram

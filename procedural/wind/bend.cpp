@@ -8,12 +8,12 @@
 //     f = 1 - (1 - clamp(global_rotate ramp(u_k) e_k))^(reference |segment k| / L)
 //     Q = the shortest-arc rotation from a onto b, its angle scaled by f; Q rotates all beyond P_k about P_k
 //
-// Without reference_segments that is the talk to the letter: the turn of each segment happens at its start, so the
-// pose depends on the number of segments. With them, turns are those of a smooth bend whose pose is the limit of
-// many segments: the turn at P_k stands for the strand from the middle of segment k - 1 to the middle of segment k
-// (|segment k| is replaced by that length; at the root, by half of segment 0). So segment k points as the bend does
-// at its middle, and the error of the pose falls with the square of the number of segments instead of its first
-// power.
+// Without reference_segments that is the talk to the letter: the turn of each segment happens at its start,
+// so the pose depends on the number of segments. With them, turns are those of a smooth bend whose pose is
+// the limit of many segments: the turn at P_k stands for the strand from the middle of segment k - 1 to the
+// middle of segment k (|segment k| is replaced by that length; at the root, by half of segment 0). So segment
+// k points as the bend does at its middle, and the error of the pose falls with the square of the number of
+// segments instead of its first power.
 //
 // Rotating the rest of the curve at each k is O(n^2). But all rotations act on the same rigid rest curve, so
 // only their product is needed: R_k = Q_k R_{k-1}, segment k of the result is R_k d_k with d_k the rest

@@ -29,8 +29,8 @@
 // seen from above and relative to the mean wind.
 //
 // A strand takes the wind at its root: the direction of v is what it turns towards, and response(|v|) its
-// strength. With fields_at = "cv" each CV takes the fields where it is at rest, so that one strand can lean two
-// ways, as under the edge of a rotor. Where wind.over names ground, v starts as the wind over it
+// strength. With fields_at = "cv" each CV takes the fields where it is at rest, so that one strand can lean
+// two ways, as under the edge of a rotor. Where wind.over names ground, v starts as the wind over it
 // (ground_air.h), half as high above the root as the strand rises, or a tenth of its reach if that is more:
 // one for all CVs. Noise and gusts are carried by the
 // mean wind: carried by v, they would be sheared without end. Rays for shelter go upwind of the mean wind.
@@ -61,8 +61,8 @@ struct LocalWind {
     bool shielded = false; // rays find shelter, too
     bool at_cvs = false;   // fields act at each CV, not at the root
 };
-// Sets strands.wind_direction, wind_speed and wind_response, from strands.rest; and, with `shielded` and ground,
-// strands.wind_unsheltered.
+// Sets strands.wind_direction, wind_speed and wind_response, from strands.rest; and, with `shielded` and
+// ground, strands.wind_unsheltered.
 void local_wind(const LocalWind& wind, Strands& strands);
 
 } // namespace marram

@@ -76,7 +76,8 @@ std::span<const MarramParam> blade_params();
 // Empty unless bend = "blade". Throws SceneFault.
 std::optional<Blade> read_blade(const Values& values, const BladeShape& shape);
 
-// First natural frequency of a strand of this length, Hz: a cantilever that swings in still air. To 1e-4 of that of a uniform beam.
+// First natural frequency of a strand of this length, Hz: a cantilever that swings in still air. To 1e-4 of
+// that of a uniform beam.
 double natural_frequency(const Blade& blade, double length);
 
 // m g L^3 / EI of a strand of mean length: above 7.84 a uniform one cannot stand upright.

@@ -18,16 +18,17 @@
 //     2 tan(angle / 2) = (a + b) / EI (mean of M over the hinge, normal to t, mean over both sides)
 //     mean of M = M_i - (b - a) / 2 (t x F)_i + (a^2 - a b + b^2) / 6 t x q
 //
-// (a = l_(i-1)/2, b = l_i/2) and at a CV half before, half after the rest kink. There it also twists a little, for
-// the moment about the tangent bends both sides of a kink (elastica_add_kink()). But for that, kink and bend
-// together are a rotation without twist: with T = tan(kink / 4), B = tan(bend / 2) as vectors in the plane of e1 and e2,
+// (a = l_(i-1)/2, b = l_i/2) and at a CV half before, half after the rest kink. There it also twists a
+// little, for the moment about the tangent bends both sides of a kink (elastica_add_kink()). But for that,
+// kink and bend together are a rotation without twist: with T = tan(kink / 4), B = tan(bend / 2) as vectors
+// in the plane of e1 and e2,
 //
 //     K^(1/2) B K^(1/2) = (vector 2 T + (1 + T^2) B - 2 (T B) T, scalar 1 - T^2 - 2 T B)
 //
 // as a quaternion, so that a frame is carried over a joint by a reflection and a division: no trigonometry.
-// The error of the chain is of second order in its pieces (segments of one length; where they differ, kinks leave
-// one of first order, in the kink squared). With two pieces a segment or more, the segments' directions are
-// extrapolated from two chains, one of half the pieces (Richardson): of fourth order. Solved in
+// The error of the chain is of second order in its pieces (segments of one length; where they differ, kinks
+// leave one of first order, in the kink squared). With two pieces a segment or more, the segments' directions
+// are extrapolated from two chains, one of half the pieces (Richardson): of fourth order. Solved in
 // elastica_newton.cpp in floats; only CVs are summed in doubles.
 //
 // A segment of the pose has the length of the rest and points along the sum of its pieces. A bent segment's
@@ -137,8 +138,9 @@ MARRAM_INLINE Wide3f elastica_direction(const ElasticaChain& c, int k, VInt& sou
     return elastica_select(sound, sum * (1.0f / vsqrt(square)), c.segments[k].t);
 }
 
-// What is added to the direction `fine` of a segment, where a chain of half the pieces has `coarse`: a third of
-// the difference d, over 1 + (d / 0.3)^4: where they differ much they are not near the limit, or are two poses.
+// What is added to the direction `fine` of a segment, where a chain of half the pieces has `coarse`: a third
+// of the difference d, over 1 + (d / 0.3)^4: where they differ much they are not near the limit, or are two
+// poses.
 MARRAM_INLINE Wide3f elastica_extrapolation(const Wide3f& fine, const Wide3f& coarse) {
     constexpr float trusted = 0.3f;
     const Wide3f d = fine - coarse;
@@ -146,8 +148,8 @@ MARRAM_INLINE Wide3f elastica_extrapolation(const Wide3f& fine, const Wide3f& co
     return d * ((1.0f / 3.0f) / (1.0f + square * square));
 }
 
-// `half`: the chain of half the pieces; that of `c` itself if there is none. `half_done`: where it has a pose to
-// extrapolate from.
+// `half`: the chain of half the pieces; that of `c` itself if there is none. `half_done`: where it has a pose
+// to extrapolate from.
 MARRAM_HOT void elastica_emit(const ElasticaBlock& b, const ElasticaChain& c, const ElasticaChain& half,
                               const VInt& idle, const VInt& half_done) {
     Wide3d position = to_double(b.rest[0]);
@@ -185,8 +187,8 @@ MARRAM_HOT void elastica_emit(const ElasticaBlock& b, const ElasticaChain& c, co
 } // namespace
 
 int elastica_pieces(int cvs, double cauchy, double weight, double tolerance) {
-    // 99th percentiles: of one piece a segment, and of the extrapolated pose. What weight adds is greatest near
-    // buckling, and beyond it.
+    // 99th percentiles: of one piece a segment, and of the extrapolated pose. What weight adds is greatest
+    // near buckling, and beyond it.
     const double l = 1.0 / (cvs - 1.0), l2 = l * l, near_buckling = cauchy + 3.0 * weight;
     const double load = near_buckling + weight * weight;
     int pieces = 1;

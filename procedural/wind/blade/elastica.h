@@ -38,8 +38,8 @@ unsigned elastica(const ElasticaBlock& block, ElasticaScratch& scratch);
 
 // The pieces that a segment needs for errors below `tolerance` (in strand lengths) on 99 % of the strands.
 // `cauchy`, `weight`: the greatest drag speed^2 and |weight|, each times length^3 / rigidity. Measured: see
-// elastica.cpp. Take one number for a whole groom, from its longest strand and strongest wind, and keep it over
-// time: a strand whose number of pieces changes jumps by the error.
+// elastica.cpp. Take one number for a whole groom, from its longest strand and strongest wind, and keep it
+// over time: a strand whose number of pieces changes jumps by the error.
 int elastica_pieces(int cvs, double cauchy, double weight, double tolerance);
 
 } // namespace marram

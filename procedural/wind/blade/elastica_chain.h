@@ -21,11 +21,12 @@ struct ElasticaSegment {
 struct ElasticaJoint {
     VFloat compliance, skew, spread; // of the hinge
     VFloat bend_x, bend_y;           // tan(angle / 2) of its turn, towards e1 and e2
-    VFloat twist, next_twist; // tan(angle / 2) about the tangent; 0 but at kinks, see elastica_add_kink()
-    VFloat rest_x, rest_y,
-        rest_z;                // twice the moment that it has at rest, see ElasticaHinge; 0 unless it hangs
+    // tan(angle / 2) about the tangent, of this pose and of the next; 0 but at kinks, see elastica_add_kink()
+    VFloat twist, next_twist;
+    // Twice the moment that it has at rest, see ElasticaHinge; 0 unless it hangs
+    VFloat rest_x, rest_y, rest_z;
     VFloat best_x, best_y;     // the bend after which a step was smallest
-    VFloat qx, qy, qz, scale;  // kink and bend as a quaternion (-qy, qx, 0, qz); 2 / its norm
+    VFloat qx, qy, qz, scale;  // kink and bend: (x, y, z, w) = (-qy, qx, 0, qz) over its length; 2 / length^2
     VFloat spin_cos, spin_sin; // at a CV: the turn about the tangent behind it
     VFloat flat, twist_x, twist_y; // derivatives of turns, see elastica_frames()
     Wide3f e1, e2, t;              // frame of the piece
@@ -37,7 +38,7 @@ struct ElasticaJoint {
 struct ElasticaChain {
     const ElasticaSegment* segments;
     ElasticaJoint* joints;
-    int last, pieces; // segments; pieces of each
+    int last, pieces; // number of segments; pieces of each
     float per_piece;  // 1 / pieces
 };
 
@@ -48,9 +49,10 @@ struct ElasticaLoads {
     bool hangs;    // at rest the weight acts already
 };
 
-// Finds the bends under the loads: of the first chain, which has one piece a segment, from rest, of each other
-// one from those of the one before, whose pieces it divides. `stop2`: square of the last step's largest turn; of the first
-// of three chains it may be larger. `done`: idle, or converged on the last; `half_done`: on the one before.
+// Finds the bends under the loads: of the first chain, which has one piece a segment, from rest, of each
+// other one from those of the one before, whose pieces it divides. `stop2`: square of the last step's largest
+// turn; of the first of three chains it may be larger. `done`: idle, or converged on the last; `half_done`:
+// on the one before.
 void elastica_solve(std::span<const ElasticaChain> chains, const ElasticaLoads& loads, const VFloat& stop2,
                     VInt& done, VInt& half_done);
 

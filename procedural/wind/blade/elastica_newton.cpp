@@ -240,8 +240,10 @@ MARRAM_INLINE void elastica_substitute(const ElasticaJoint& j, Wide3f& by_x, Wid
     by_y = x * j.xy + y * j.yy + by_t * j.twist_y;
 }
 
-// The hinge at a CV turns half-way through the kink, T = tan(kink / 4); the strand bends before and behind it.
-// With half the hinge on each side, t the tangent half-way, n the axis of the kink and M the moment, they turn by
+// The hinge at a CV turns half-way through the kink, T = tan(kink / 4); the strand bends before and behind
+// it.
+// With half the hinge on each side, t the tangent half-way, n the axis of the kink and M the moment, they
+// turn by
 //     compliance (M_n n + cos^2(kink / 2) M_c (t x n) + sin^2(kink / 2) M_t t).
 // M x t, the mean of both sides, has cos(kink / 2) M_c across the kink's plane: another cosine, which is
 // 1 - 2 T^2 / (1 + T^2), is missing. The twist about t is that of the last step's pose.

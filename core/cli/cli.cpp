@@ -67,8 +67,8 @@ CLI::Validator number_between(double low, double high) {
 }
 
 struct Texts { // options that are checked after parsing
-    std::string size, layers, attributes, shell, range, display;
-    std::vector<std::string> pictures;
+    std::string size, layers, attributes, shell, range, display, samples_part, crop;
+    std::vector<std::string> pictures, merged_pictures;
     uint32_t samples = 0;
     double frame = 0.0;
 };
@@ -126,6 +126,7 @@ struct Commands {
     MeasureOptions measure;
     CompareOptions compare;
     InfoOptions info;
+    MergeOptions merge;
     SheetOptions sheet;
     ViewOptions view;
     ManOptions man;
@@ -183,11 +184,39 @@ void add_render(CLI::App& app, Commands& c) {
         "--resume", c.render.resume,
         "leave out frames whose picture is there, whole, and of this scene; go on with those that were "
         "interrupted or out of time");
+    CLI::Option* samples_part =
+        command
+            ->add_option(
+                "--samples", c.texts.samples_part,
+                "only the samples with these numbers, the first is 0, to a state for `marram merge`, "
+                "OUT.exr.samples_0_63.state.tif; any ranges, on any machines, give the bits of one render. "
+                "With film.noise one round of 16 at a time, and --after")
+            ->type_name("A-B")
+            ->excludes("--seconds", "--png");
+    CLI::Option* crop =
+        command
+            ->add_option("--crop", c.texts.crop,
+                         "only these pixels, from left and top to right and bottom, which are excluded, to a "
+                         "state for `marram merge`")
+            ->type_name("X0,Y0,X1,Y1")
+            ->excludes("--seconds", "--png");
     command
-        ->add_flag("--watch", c.render.watch,
-                   "render one frame, and again whenever the scene or a file that it names has been saved, "
-                   "until Ctrl-C; mistakes are printed, and the picture stays")
-        ->excludes(resume);
+        ->add_option("--after", c.render.after,
+                     "with --samples: a state of the whole picture with all samples before these, such as "
+                     "`marram merge` writes to a .tif; film.noise needs it, and others save four samples")
+        ->type_name("STATE");
+    CLI::Option* keep = command->add_flag("--keep-state", c.render.keep_state,
+                                          "a finished picture keeps its state, OUT.exr.state.tif, from which "
+                                          "--resume goes on to a higher --spp, "
+                                          "and which `marram merge` takes");
+    CLI::Option* watch =
+        command
+            ->add_flag(
+                "--watch", c.render.watch,
+                "render one frame, and again whenever the scene or a file that it names has been saved, "
+                "until Ctrl-C; mistakes are printed, and the picture stays")
+            ->excludes(resume);
+    for (CLI::Option* other : {samples_part, crop, keep}) watch->excludes(other);
     command->callback([&c, command, frame] {
         const bool one_frame = frame->count() > 0;
         if (command->count("--spp") > 0) c.render.overrides.samples = c.texts.samples;
@@ -199,6 +228,8 @@ void add_render(CLI::App& app, Commands& c) {
             for (const std::string& text : c.texts.pictures)
                 c.render.pictures.push_back(parse_layer_picture(text));
             if (displays) c.render.display = parse_display(c.texts.display);
+            if (!c.texts.samples_part.empty()) parse_samples(c.texts.samples_part, c.render.part);
+            if (!c.texts.crop.empty()) parse_crop(c.texts.crop, c.render.part);
             return render_command(c.render);
         };
     });
@@ -337,6 +368,30 @@ void add_info(CLI::App& app, Commands& c) {
     command->callback([&c] { c.chosen = [&c] { return info_command(c.info); }; });
 }
 
+void add_merge(CLI::App& app, Commands& c) {
+    CLI::App* command = app.add_subcommand(
+        "merge", "states of parts of a frame (render --samples, --crop, --keep-state) to its picture");
+    command->add_option("states", c.merge.states, "states, in any order")->required()->type_name("STATE");
+    command
+        ->add_option("-o,--output", c.merge.output,
+                     "picture, .exr or .png: with the bits of one render; or .tif: the state of all parts")
+        ->required()
+        ->type_name("FILE");
+    command
+        ->add_option("--png", c.texts.merged_pictures, "a layer as a PNG of its own, as in `marram render`")
+        ->type_name("LAYER:BLACK-WHITE=FILE")
+        ->allow_extra_args(false);
+    command->add_flag("--partial", c.merge.partial,
+                      "a picture even where samples are missing, under a name that says partial");
+    command->callback([&c] {
+        c.chosen = [&c] {
+            for (const std::string& text : c.texts.merged_pictures)
+                c.merge.pictures.push_back(parse_layer_picture(text));
+            return merge_command(c.merge);
+        };
+    });
+}
+
 void add_sheet(CLI::App& app, Commands& c) {
     CLI::App* command =
         app.add_subcommand("sheet", "many pictures on one, in rows and columns, with captions");
@@ -449,6 +504,7 @@ int run(int argc, char** argv) {
     add_info(app, commands);
     add_compare(app, commands);
     add_measure(app, commands);
+    add_merge(app, commands);
     add_sheet(app, commands);
     add_completion(app, commands);
     add_man(app, commands);

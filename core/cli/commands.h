@@ -9,8 +9,10 @@
 #include "core/image/sheet.h"
 #include "core/manual/command_text.h"
 #include "core/shot/bake.h"
+#include "core/shot/film_part.h"
 #include "core/shot/frame_list.h"
 #include "core/shot/layer_picture.h"
+#include "core/shot/merge.h"
 #include "core/shot/shot.h"
 
 #include <optional>
@@ -44,6 +46,9 @@ struct RenderOptions : CommonOptions {
     std::string preview; // "" for none
     std::optional<DisplayAddress> display; // of the viewer that shows the frames in work
     double seconds = 0.0;                  // time limit for tracing a frame; 0: none
+    bool keep_state = false;
+    PartRequest part;
+    std::string after; // FrameOptions::after
 };
 
 struct BakeOptions : CommonOptions, BakeSettings {
@@ -70,6 +75,8 @@ struct InfoOptions {
     std::vector<std::string> allowed_libraries;
 };
 
+using MergeOptions = MergeRequest;
+
 struct SheetOptions {
     std::vector<std::string> pictures;
     std::string output = "sheet.png";
@@ -94,6 +101,7 @@ int measure_command(const MeasureOptions& options);
 int view_command(const ViewOptions& options);
 int compare_command(const CompareOptions& options); // 0 alike, 1 different
 int info_command(const InfoOptions& options);
+int merge_command(const MergeOptions& options);
 int sheet_command(const SheetOptions& options);
 int completion_command(const std::string& shell, const ProgramText& text); // "bash" or "zsh"
 int man_command(const ManOptions& options, const ProgramText& text);

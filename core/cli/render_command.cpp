@@ -38,16 +38,18 @@ void check_outputs(const Shot& shot, const std::vector<FrameFiles>& frames, cons
     std::set<std::string> previews, stats;
     for (const FrameFiles& frame : frames) {
         const std::string partial = partial_name(frame.picture);
-        for (const std::string& name : {frame.picture, partial, frame.state}) {
+        std::vector<std::string> names = {frame.state};
+        if (!frame.part.given()) names.insert(names.end(), {frame.picture, partial});
+        for (const std::string& name : names) {
             check_name_length(name);
             files.write(name);
         }
-        check_writable(frame.picture);
+        check_writable(frame.part.given() ? frame.state : frame.picture);
         for (const LayerPicture& layer : frame.layers) {
             files.write(layer.file);
             check_writable(layer.file);
         }
-        check_partial_name(partial);
+        if (!frame.part.given()) check_partial_name(partial);
         check_state_overwrite(frame.state);
         previews.insert(frame.preview);
         stats.insert(numbered(options.stats, frame.frame));
@@ -132,7 +134,7 @@ void save(Frame& frame, Preview& preview, const RenderOptions& options) {
     if (!saved.state_error.empty())
         print_message("{}\n{}: --resume will start this frame again\n", saved.state_error,
                       frame.files.picture);
-    if (saved.whole) remove_unfinished(frame.files);
+    if (saved.whole) remove_unfinished(frame.files, options.keep_state);
     if (!render.cancelled) preview.finish();
     if (!preview.fault().empty()) print_message("{}\n", preview.fault());
 }
@@ -195,11 +197,19 @@ Plan plan_of(const Shot& shot, const RenderOptions& options) {
         throw InputError({"--watch"}, fmt::format("it renders one frame, and these are {}", frames.size()),
                          "say which with --frame");
     check_contents(shot, options, frames.size());
-    Plan plan{{options.scene, more_layers(shot, options), options.seconds, options.resume}, {}};
+    Plan plan{{.scene = options.scene,
+               .layers = more_layers(shot, options),
+               .seconds = options.seconds,
+               .resume = options.resume,
+               .keep_state = options.keep_state,
+               .part = options.part,
+               .after = options.after},
+              {}};
     const uint64_t digest = shot_digest(shot, plan.options, options.overrides.settings);
     for (const double frame : frames)
-        plan.frames.push_back(
-            frame_files(frame, shot, digest, options.output, options.preview, options.pictures));
+        plan.frames.push_back(frame_files(frame, shot, digest, options.output, options.preview,
+                                          options.pictures, options.part));
+    check_part(shot, plan.options, plan.frames);
     check_outputs(shot, plan.frames, options);
     return plan;
 }
@@ -278,8 +288,9 @@ int render_command(const RenderOptions& options) {
     if (options.display) display.emplace(*options.display);
     bool first = true;
     for (const FrameFiles& files : plan.frames) {
-        if (options.resume && is_rendered(files)) {
-            if (!options.quiet) print_message("{}: is there already\n", files.picture);
+        if (options.resume && is_rendered(files, part_of_frame(shot, options.part))) {
+            const std::string& there = files.part.given() ? files.state : files.picture;
+            if (!options.quiet) print_message("{}: is there already\n", there);
             continue;
         }
         const auto number = &files - plan.frames.data() + 1;

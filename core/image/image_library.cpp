@@ -103,16 +103,16 @@ std::optional<std::string> whole_metadata(const std::string& path, const std::st
     return library().whole_metadata(path, key);
 }
 
-void write_doubles(const std::string& path, const DoublesHeader& header,
-                   const std::function<void(int, double*)>& row) {
-    library_for_exr().write_doubles(path, header, row);
+void write_words(const std::string& path, const WordsHeader& header,
+                 const std::function<void(int, uint32_t*)>& row) {
+    library_for_exr().write_words(path, header, row);
 }
 
-DoublesHeader read_doubles_header(const std::string& path) { return library().read_doubles_header(path); }
+WordsHeader read_words_header(const std::string& path) { return library().read_words_header(path); }
 
-void read_doubles(const std::string& path, const DoublesHeader& header,
-                  const std::function<void(int, const double*)>& row) {
-    library_for_exr().read_doubles(path, header, row);
+void read_words(const std::string& path, const WordsHeader& header,
+                const std::function<void(int, const uint32_t*)>& row) {
+    library_for_exr().read_words(path, header, row);
 }
 
 void write_range_png(const std::string& path, int width, int height, int channels, const float* pixels,

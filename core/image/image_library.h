@@ -5,11 +5,11 @@
 #pragma once
 
 #include "core/image/atomic_file.h"
-#include "core/image/doubles.h"
 #include "core/image/image.h"
 #include "core/image/range_png.h"
 #include "core/image/sheet.h"
 #include "core/image/texture_file.h"
+#include "core/image/words.h"
 
 namespace marram {
 
@@ -27,9 +27,9 @@ struct ImageLibrary {
     decltype(&marram::read_all_metadata) read_all_metadata;
     decltype(&marram::read_metadata) read_metadata;
     decltype(&marram::whole_metadata) whole_metadata;
-    decltype(&marram::write_doubles) write_doubles;
-    decltype(&marram::read_doubles_header) read_doubles_header;
-    decltype(&marram::read_doubles) read_doubles;
+    decltype(&marram::write_words) write_words;
+    decltype(&marram::read_words_header) read_words_header;
+    decltype(&marram::read_words) read_words;
     decltype(&marram::write_range_png) write_range_png;
     decltype(&marram::write_sheet) write_sheet;
     decltype(&marram::open_texture_file) open_texture_file;

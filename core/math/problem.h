@@ -73,4 +73,23 @@ class InputError : public std::runtime_error {
     std::vector<Problem> problems;
 };
 
+// Runs steps and collects their InputErrors, so that all mistakes are reported together.
+class ProblemCollector {
+  public:
+    template <typename Step>
+    void operator()(Step&& step) {
+        try {
+            step();
+        } catch (const InputError& error) {
+            problems_.insert(problems_.end(), error.problems.begin(), error.problems.end());
+        }
+    }
+    void raise() const {
+        if (!problems_.empty()) throw InputError(problems_);
+    }
+
+  private:
+    std::vector<Problem> problems_;
+};
+
 } // namespace marram

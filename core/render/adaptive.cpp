@@ -50,14 +50,14 @@ std::vector<double> stratification_factor(const Film& film) {
     constexpr uint32_t radius = 3; // pixels: 49 pixels of 2 blocks estimate it to within a fifth
     std::vector<double> factor(film.pixel_states.size()), estimate_weight(film.pixel_states.size());
     for (size_t i = 0; i < factor.size(); ++i) {
-        const uint32_t blocks = film.pixel_states[i].samples / samples_per_block;
+        const FilmPixel& pixel = film.pixel_states[i];
+        const uint32_t blocks = pixel.samples / samples_per_block;
         const double sample_variance =
-            variance_of_mean(film.pixel_states[i].luminance_sum, film.pixel_states[i].luminance_sq_sum,
-                             film.pixel_states[i].samples);
+            variance_of_mean(pixel.luminance_sum.value(), pixel.luminance_sq_sum.value(), pixel.samples);
         if (blocks < 2 || !(sample_variance > 0.0)) continue;
         estimate_weight[i] = 1.0;
-        factor[i] = variance_of_mean(film.pixel_states[i].block_luminance_sum,
-                                     film.pixel_states[i].block_luminance_sq_sum, blocks) /
+        factor[i] = variance_of_mean(pixel.block_luminance_sum.value(), pixel.block_luminance_sq_sum.value(),
+                                     blocks) /
                     (sample_variance * samples_per_block * samples_per_block);
     }
     factor = box_filter(film, factor, radius);
@@ -83,14 +83,13 @@ double clipped_mean(const std::vector<double>& brightness) {
 
 // Standard deviation of one sample's luminance: the variance is averaged over the 5x5 neighbourhood.
 void update_luminance_stddev(Film& film) {
-    constexpr uint32_t radius = 2; // pixels: 25 pixels of 4 samples estimate it to within a tenth
     std::vector<double> variances(film.pixel_states.size());
     for (size_t i = 0; i < variances.size(); ++i) {
-        const double count = film.pixel_states[i].samples;
-        variances[i] = count * variance_of_mean(film.pixel_states[i].luminance_sum,
-                                                film.pixel_states[i].luminance_sq_sum, count);
+        const FilmPixel& pixel = film.pixel_states[i];
+        variances[i] = pixel.samples * variance_of_mean(pixel.luminance_sum.value(),
+                                                        pixel.luminance_sq_sum.value(), pixel.samples);
     }
-    variances = box_filter(film, variances, radius);
+    variances = box_filter(film, variances, stddev_radius);
     for (size_t i = 0; i < variances.size(); ++i)
         film.pixel_states[i].luminance_stddev = float(std::sqrt(variances[i]));
 }
@@ -99,15 +98,19 @@ void update_luminance_stddev(Film& film) {
 // noisy neighbour continues too, since its few samples may all have missed the source of the noise.
 size_t mark_converged_pixels(Film& film, double noise_threshold) {
     const FilmLayer* layer = find_layer(film, "variance");
+    const auto layer_index = size_t(layer - film.layers.data());
     const size_t pixel_count = static_cast<size_t>(film.width) * film.height;
     const std::vector<double> factor = stratification_factor(film);
     std::vector<double> brightness(pixel_count), standard_error(pixel_count);
     for (size_t i = 0; i < pixel_count; ++i) {
-        const double* sums = film.sums.data() + i * film.stride + layer->sums_offset;
-        const double count = std::max(sums[layer->sum_count], 1.0);
-        double variance[3];
-        for (size_t c = 0; c < 3; ++c) variance[c] = variance_of_mean(sums[c], sums[c + 3], count);
-        brightness[i] = luminance(sums[0], sums[1], sums[2]) / count;
+        const Int128* sums = film.sums.data() + i * film.stride + layer->sums_offset;
+        const double count = std::max(film.counts[i * film.layers.size() + layer_index], 1U);
+        double sum[3], variance[3];
+        for (size_t c = 0; c < 3; ++c) {
+            sum[c] = ValueSum::to_double(sums[c]);
+            variance[c] = variance_of_mean(sum[c], SquareSum::to_double(sums[c + 3]), count);
+        }
+        brightness[i] = luminance(sum[0], sum[1], sum[2]) / count;
         standard_error[i] = std::sqrt(luminance(variance[0], variance[1], variance[2]) * factor[i]);
     }
     const double mean = clipped_mean(brightness);

@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: Apache-2.0
-// Sums are doubles. One thread adds the samples of a pixel in order, so the result is always the same, bit
-// for bit.
 #include "core/render/film.h"
 
 #include <algorithm>
@@ -28,7 +26,9 @@ FilmLayer describe(std::string_view name, const World& world) {
         }
     layer.kind = LayerKind::attribute;
     for_each_attribute(world, [&](const AttributeValues& attribute) {
-        if (attribute.name == name) layer.channels = std::max(layer.channels, attribute.components);
+        if (attribute.name != name) return;
+        layer.channels = std::max(layer.channels, attribute.components);
+        layer.discrete |= attribute.discrete;
     });
     return layer;
 }
@@ -100,9 +100,7 @@ Film make_film(uint32_t width, uint32_t height, std::span<const std::string> nam
             throw InputError(Place{}, "this scene has no image layer '" + name + "'",
                              "choose among " + known_names(world));
         layer.sums_offset = film.stride;
-        // The variance layer sums colours and their squares.
-        layer.sum_count = layer.kind == LayerKind::variance ? 2 * layer.channels : layer.channels;
-        film.stride += layer.sum_count + 1;
+        film.stride += sum_count(layer);
         film.layers.push_back(std::move(layer));
     }
     // clear() keeps their number.
@@ -115,18 +113,71 @@ Film make_film(uint32_t width, uint32_t height, std::span<const std::string> nam
 void clear(Film& film) {
     const size_t pixel_count = static_cast<size_t>(film.width) * film.height;
     film.catchers.assign(film.catchers.size(), {});
-    film.sums.assign(pixel_count * film.stride, 0.0);
+    film.sums.assign(pixel_count * film.stride, 0);
+    film.counts.assign(pixel_count * film.layers.size(), 0);
     film.pixel_states.assign(pixel_count, {});
 }
 
+namespace {
+
+void add_discrete(const Int128* from, uint32_t from_count, uint32_t channels, Int128* to,
+                  uint32_t& to_count) {
+    if (from_count == 0 || (to_count > 0 && to_count < from_count)) return;
+    std::copy_n(from, channels, to);
+    to_count = from_count;
+}
+
+void add_pixel(FilmPixel& pixel, const FilmPixel& more) {
+    pixel.next_sample = std::max(pixel.next_sample, more.next_sample);
+    pixel.samples += more.samples;
+    pixel.converged = more.next_sample == pixel.next_sample ? more.converged : pixel.converged;
+    if (more.luminance_stddev > 0.0F) pixel.luminance_stddev = more.luminance_stddev;
+    pixel.luminance_sum += more.luminance_sum;
+    pixel.luminance_sq_sum += more.luminance_sq_sum;
+    pixel.clamped_luminance_sum += more.clamped_luminance_sum;
+    pixel.block_luminance_sum += more.block_luminance_sum;
+    pixel.block_luminance_sq_sum += more.block_luminance_sq_sum;
+}
+
+} // namespace
+
+void add_film(Film& film, const Film& part, uint32_t x, uint32_t y) {
+    const size_t layers = film.layers.size();
+    for (uint32_t row = 0; row < part.height; ++row)
+        for (uint32_t column = 0; column < part.width; ++column) {
+            const size_t to = size_t(y + row) * film.width + x + column,
+                         from = size_t(row) * part.width + column;
+            add_pixel(film.pixel_states[to], part.pixel_states[from]);
+            for (size_t i = 0; i < layers; ++i) {
+                const FilmLayer& layer = film.layers[i];
+                Int128* sums = film.sums.data() + to * film.stride + layer.sums_offset;
+                const Int128* more = part.sums.data() + from * film.stride + layer.sums_offset;
+                uint32_t& count = film.counts[to * layers + i];
+                const uint32_t more_count = part.counts[from * layers + i];
+                if (layer.discrete) {
+                    add_discrete(more, more_count, layer.channels, sums, count);
+                    continue;
+                }
+                for (uint32_t c = 0; c < sum_count(layer); ++c) sums[c] += more[c];
+                count += more_count;
+            }
+            if (film.catchers.empty()) continue;
+            CatcherSums& caught = film.catchers[to];
+            const CatcherSums& also = part.catchers[from];
+            caught.samples += also.samples;
+            caught.lit += also.lit;
+            caught.full += also.full;
+        }
+}
+
 void add_luminance(FilmPixel& pixel, double luminance) {
-    pixel.luminance_sum += luminance;
-    pixel.luminance_sq_sum += luminance * luminance;
+    pixel.luminance_sum.add(luminance);
+    pixel.luminance_sq_sum.add(luminance * luminance);
 }
 
 void end_block(FilmPixel& pixel) {
-    const double block_sum = pixel.luminance_sum - pixel.block_luminance_sum;
-    pixel.block_luminance_sq_sum += block_sum * block_sum;
+    const double block_sum = (pixel.luminance_sum - pixel.block_luminance_sum).value();
+    pixel.block_luminance_sq_sum.add(block_sum * block_sum);
     pixel.block_luminance_sum = pixel.luminance_sum;
 }
 
@@ -156,8 +207,8 @@ double clamped_fraction(const Film& film) {
     double clamped = 0.0, all = 0.0;
     for (const FilmPixel& pixel : film.pixel_states) {
         if (pixel.samples == 0) continue;
-        clamped += pixel.clamped_luminance_sum / pixel.samples;
-        all += (pixel.luminance_sum + pixel.clamped_luminance_sum) / pixel.samples;
+        clamped += pixel.clamped_luminance_sum.value() / pixel.samples;
+        all += (pixel.luminance_sum.value() + pixel.clamped_luminance_sum.value()) / pixel.samples;
     }
     return all > 0.0 ? clamped / all : 0.0;
 }
@@ -167,20 +218,28 @@ void resolve(Film& film) {
     const auto shadow_alpha = [&](size_t i) { // alpha sum of the samples on shadow catchers
         if (film.catchers.empty()) return 0.0;
         const CatcherSums& caught = film.catchers[i];
-        return caught.full > 0.0 ? caught.samples * (1.0 - caught.lit / caught.full) : 0.0;
+        const double full = caught.full.value();
+        return full > 0.0 ? caught.samples.value() * (1.0 - caught.lit.value() / full) : 0.0;
     };
-    for (FilmLayer& layer : film.layers) {
+    for (size_t l = 0; l < film.layers.size(); ++l) {
+        FilmLayer& layer = film.layers[l];
         layer.values.resize(pixel_count * layer.channels);
         for (size_t pixel = 0; pixel < pixel_count; ++pixel) {
-            const double* sums = film.sums.data() + pixel * film.stride + layer.sums_offset;
-            const double count = sums[layer.sum_count];
-            for (uint32_t c = 0; c < layer.channels; ++c)
-                layer.values[pixel * layer.channels + c] = static_cast<float>(
-                    layer.kind == LayerKind::variance
-                        ? variance_of_mean(sums[c], sums[c + layer.channels], count)
-                    : layer.kind == LayerKind::alpha && count > 0.0 ? (sums[c] + shadow_alpha(pixel)) / count
-                    : count > 0.0                                   ? sums[c] / count
-                                                                    : 0.0);
+            const Int128* sums = film.sums.data() + pixel * film.stride + layer.sums_offset;
+            const uint32_t counted = film.counts[pixel * film.layers.size() + l];
+            const double count = layer.discrete ? 1.0 : counted;
+            for (uint32_t c = 0; c < layer.channels; ++c) {
+                const double sum = ValueSum::to_double(sums[c]);
+                float& value = layer.values[pixel * layer.channels + c];
+                if (counted == 0)
+                    value = 0.0F;
+                else if (layer.kind == LayerKind::variance)
+                    value =
+                        float(variance_of_mean(sum, SquareSum::to_double(sums[c + layer.channels]), count));
+                else
+                    value =
+                        float((sum + (layer.kind == LayerKind::alpha ? shadow_alpha(pixel) : 0.0)) / count);
+            }
         }
     }
 }

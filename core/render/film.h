@@ -14,8 +14,12 @@
 //   strand_u   1         mean position on the strand, 0 root ... 1 tip, over the samples that hit a strand
 //   any name   1 ... 4   that attribute: mean over the samples that hit a curve or mesh with this attribute.
 //                        A discrete attribute (an id) has the value of the first such sample
+//
+// Sums are exact (core/math/exact_sum.h): films of different samples of a picture, added in any order, are
+// the film of all of them (add_film).
 #pragma once
 
+#include "core/math/exact_sum.h"
 #include "core/math/problem.h"
 #include "core/trace/hit.h"
 
@@ -45,55 +49,65 @@ struct FilmLayer {
     std::string name;
     LayerKind kind = LayerKind::beauty;
     uint32_t channels = 3;
+    bool discrete = false;     // an attribute whose values are not averaged
     uint32_t sums_offset = 0;  // offset of this layer in a pixel's sums
-    uint32_t sum_count = 3;    // number of its sums; the layer's sample count follows them
     std::vector<float> values; // filled by resolve: rows from the top, channels interleaved
 };
+
+// Number of a layer's sums: beauty and the like sum their channels, "variance" colours and their squares.
+inline uint32_t sum_count(const FilmLayer& layer) {
+    return layer.kind == LayerKind::variance ? 2 * layer.channels : layer.channels;
+}
+
+// Of values such as colours: multiples of 5e-20, terms up to 7e13.
+using ValueSum = ExactSum<-64>;
+// Of squares: multiples of 6e-17, terms up to 7e16. Squares of values below 4e-9 are lost, those of values
+// above 2.7e8 count as that: noise is not measured there.
+using SquareSum = ExactSum<-54>;
 
 // State of a pixel. A resumed render needs this, the sums of the layers and CatcherSums, nothing else.
 struct FilmPixel {
     uint32_t next_sample = 0; // index in its sequence; earlier ones were taken, or skipped when converged
     uint32_t samples = 0;     // taken, including non-finite ones
     bool converged = false;   // skipped by the current pass
-    double luminance_sum = 0.0, luminance_sq_sum = 0.0; // over finite samples: of luminance and of its square
-    double block_luminance_sum = 0.0;    // of luminance over complete blocks of samples_per_block samples
-    double block_luminance_sq_sum = 0.0; // over complete blocks: of the square of a block's luminance sum
-    double clamped_luminance_sum = 0.0;  // luminance that RenderSettings::indirect_clamp removed
-    // Standard deviation of one sample's luminance, from the variance averaged over the 5x5 neighbourhood
-    // after the last complete pass; 0: not yet known.
+    // Standard deviation of one sample's luminance, from the variance of the first pilot_samples averaged
+    // over the 5x5 neighbourhood; 0: not yet known.
     float luminance_stddev = 0.0F;
+    ValueSum luminance_sum; // over finite samples
+    SquareSum luminance_sq_sum;
+    ValueSum clamped_luminance_sum; // luminance that RenderSettings::indirect_clamp removed
+    // With adaptive sampling, over complete blocks of samples_per_block samples: of luminance, and of the
+    // square of a block's luminance sum.
+    ValueSum block_luminance_sum;
+    SquareSum block_luminance_sq_sum;
     bool operator==(const FilmPixel&) const = default;
 };
 
 // Visits every field of a pixel, in file order. A new field does not compile until it is named here.
 template <typename Pixel, typename Visit>
 constexpr void visit_fields(Pixel& pixel, Visit&& visit) {
-    auto& [next_sample, samples, converged, luminance_sum, luminance_sq_sum, block_luminance_sum,
-           block_luminance_sq_sum, clamped_luminance_sum, luminance_stddev] = pixel;
+    auto& [next_sample, samples, converged, luminance_stddev, luminance_sum, luminance_sq_sum,
+           clamped_luminance_sum, block_luminance_sum, block_luminance_sq_sum] = pixel;
     const auto each = [&](auto&... fields) { (visit(fields), ...); };
-    each(next_sample, samples, converged, luminance_sum, luminance_sq_sum, block_luminance_sum,
-         block_luminance_sq_sum, clamped_luminance_sum, luminance_stddev);
+    each(next_sample, samples, converged, luminance_stddev, luminance_sum, luminance_sq_sum,
+         clamped_luminance_sum, block_luminance_sum, block_luminance_sq_sum);
 }
-inline constexpr uint32_t film_pixel_field_count = [] {
-    FilmPixel pixel;
-    uint32_t count = 0;
-    visit_fields(pixel, [&](const auto&) { ++count; });
-    return count;
-}();
 
 // Over the samples of a pixel that hit a shadow catcher: their number, the luminance of direct light that
 // it scatters, and that without shadows.
 struct CatcherSums {
-    double samples = 0.0, lit = 0.0, full = 0.0;
+    ValueSum samples, lit, full;
     bool operator==(const CatcherSums&) const = default;
 };
 
 struct Film {
     uint32_t width = 0, height = 0;
     std::vector<FilmLayer> layers;
-    uint32_t stride = 0;      // doubles per pixel: for each layer its sums and its sample count
-    std::vector<double> sums; // width * height * stride
-
+    uint32_t stride = 0;      // sums of a pixel, those of all layers
+    std::vector<Int128> sums; // width * height * stride; units of ValueSum, of squares those of SquareSum
+    // width * height * layers.size(): the number of samples that the layer has summed; of a discrete layer
+    // 1 + the number of the sample whose value it has.
+    std::vector<uint32_t> counts;
     std::vector<FilmPixel> pixel_states; // width * height
     std::vector<CatcherSums> catchers;   // width * height; empty: no mesh of the world is a shadow catcher
     bool transparent = false; // pictures without an alpha channel of their own, such as PNG, need one
@@ -103,7 +117,12 @@ struct Film {
 // dimensions of each set of the sampler (sampler.h).
 constexpr uint32_t samples_per_block = 16;
 
-// add_luminance: called after each sample. end_block: called after the last sample of a block.
+// The first samples of a pixel, whose noise decides how often later ones trace their shadow rays
+// (FilmPixel::luminance_stddev).
+inline constexpr uint32_t pilot_samples = 4;
+
+// add_luminance: called after each sample. end_block: with adaptive sampling, called after the last sample of
+// a block.
 void add_luminance(FilmPixel& pixel, double luminance);
 void end_block(FilmPixel& pixel);
 
@@ -139,6 +158,10 @@ Film make_film(uint32_t width, uint32_t height, std::span<const std::string> nam
 
 // Removes all samples: the state after make_film.
 void clear(Film& film);
+
+// Adds the samples of a part of the picture, whose left top pixel is at (x, y) of the film. The part's layers
+// are those of the film, and none of its samples is there already.
+void add_film(Film& film, const Film& part, uint32_t x, uint32_t y);
 
 // Computes the values of the layers from the sums; each pixel is the mean of the samples it has so far.
 void resolve(Film& film);

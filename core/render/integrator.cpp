@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // The image is rendered in passes of 1, 3, 12, 16, 16, ... samples, so that a preview appears early. In each
-// pass one task owns a pixel and adds its samples in order. The ends of passes are fixed, and adaptive
-// decisions are made only there: a render that stopped within a pass gives a bit-identical result when
-// resumed.
+// pass one task owns a pixel. The ends of passes are fixed, and what depends on the noise of earlier samples
+// is decided only there: a render that stopped within a pass gives a bit-identical result when resumed, and
+// films of parts of the picture add up to it.
 #include "core/render/integrator.h"
 
 #include "core/math/clock.h"
@@ -22,6 +22,11 @@
 namespace marram {
 
 namespace {
+
+// Whether sums can hold it.
+bool is_summable(const Vec3f& radiance) {
+    return radiance.allFinite() && double(radiance.cwiseAbs().maxCoeff()) <= ValueSum::max_term;
+}
 
 // Returns the luminance that the clamp removes.
 double clamp_indirect(Vec3f& indirect, float limit) {
@@ -68,7 +73,6 @@ void render_pixel(const RenderContext& context, uint32_t x, uint32_t y, uint32_t
     const size_t pixel_index = static_cast<size_t>(y) * film.width + x;
     FilmPixel& pixel = film.pixel_states[pixel_index];
     pixel.samples += end - begin;
-    double* sums = film.sums.data() + pixel_index * film.stride;
     const Crop crop = crop_of(context.settings, film);
     const uint64_t seed = pixel_seed(context.settings.seed, crop.x + x, crop.y + y);
     for (uint32_t s = begin; s < end; ++s) {
@@ -76,16 +80,16 @@ void render_pixel(const RenderContext& context, uint32_t x, uint32_t y, uint32_t
         FirstHit first;
         const Ray ray = camera_ray(context, crop, crop.x + x, crop.y + y, sampler);
         PathRadiance path = trace_path(context, ray, pixel.luminance_stddev, sampler, first, stats.rays);
-        if ((path.direct + path.indirect).allFinite()) {
-            pixel.clamped_luminance_sum += clamp_indirect(path.indirect, context.settings.indirect_clamp);
+        if (is_summable(path.direct + path.indirect)) {
+            pixel.clamped_luminance_sum.add(clamp_indirect(path.indirect, context.settings.indirect_clamp));
             const Vec3f radiance = path.direct + path.indirect;
-            add_sample(context, radiance, first, film, sums);
+            add_sample(context, radiance, first, s, film, pixel_index);
             float noise = luminance(radiance);
             if (path.caught) { // its noise is the shadow's
                 CatcherSums& caught = film.catchers[pixel_index];
-                caught.samples += 1.0;
-                caught.lit += double(path.caught->lit);
-                caught.full += double(path.caught->full);
+                caught.samples.add(1.0);
+                caught.lit.add(double(path.caught->lit));
+                caught.full.add(double(path.caught->full));
                 noise += path.caught->lit;
             }
             add_luminance(pixel, noise);
@@ -93,7 +97,7 @@ void render_pixel(const RenderContext& context, uint32_t x, uint32_t y, uint32_t
             ++stats.nonfinite_samples;
         }
         stats.cut_throughput += double(path.cut_throughput);
-        if ((s + 1) % samples_per_block == 0) end_block(pixel);
+        if (context.settings.noise_threshold > 0.0 && (s + 1) % samples_per_block == 0) end_block(pixel);
     }
 }
 
@@ -152,11 +156,9 @@ uint32_t pass_end(uint32_t begin) {
     return end;
 }
 
-// True if every pixel is exactly at the end of a pass. Adaptive decisions are made only here, so that a
-// resumed render repeats them identically.
-bool is_between_passes(uint32_t begin, const Film& film) {
-    return begin > 0 && pass_end(begin - 1) == begin && progress_of(film).max == begin;
-}
+// Whether every pixel has come to this sample. What depends on earlier samples is decided only here, so that
+// a resumed render repeats it identically.
+bool all_at(uint32_t sample, const Film& film) { return progress_of(film).max == sample; }
 
 // End of the next partial pass, at most `end`. A partial pass is planned to use half the time left. It
 // overruns only if samples become twice as slow, or if it is already down to one sample.
@@ -171,8 +173,97 @@ uint32_t partial_pass_end(const Film& film, uint32_t end, double seconds_left, d
     return samples < double(end - begin) ? begin + uint32_t(samples) : end;
 }
 
+// The film of the pilot samples of a part of the picture: the part, and what is near enough to count in
+// update_luminance_stddev(). Samples that the part has are not traced again.
+struct Pilot {
+    Crop crop;
+    uint32_t x = 0, y = 0; // of the part in it
+    Film film{};
+
+    Pilot(const Crop& part, const Film& film_of_part, bool has_samples) {
+        const uint32_t left = std::min(part.x, stddev_radius), top = std::min(part.y, stddev_radius),
+                       right = std::min(part.x + film_of_part.width + stddev_radius, part.width),
+                       bottom = std::min(part.y + film_of_part.height + stddev_radius, part.height);
+        crop = {part.x - left, part.y - top, part.width, part.height};
+        x = left;
+        y = top;
+        film.width = right - crop.x;
+        film.height = bottom - crop.y;
+        if (!film_of_part.catchers.empty()) film.catchers.resize(size_t(film.width) * film.height);
+        clear(film);
+        if (has_samples)
+            for_each_pixel(film_of_part,
+                           [&](FilmPixel& pixel, size_t i) { pixel = film_of_part.pixel_states[i]; });
+    }
+
+    // The pixels of the part, and their indices in its film.
+    template <typename Visit>
+    void for_each_pixel(const Film& part, Visit&& visit) {
+        for (size_t i = 0; i < part.pixel_states.size(); ++i)
+            visit(film.pixel_states[(y + i / part.width) * film.width + x + i % part.width], i);
+    }
+};
+
+// Sets FilmPixel::luminance_stddev, from the pilot samples. False: cancelled.
+bool set_luminance_stddev(const RenderContext& context, Film& film, RenderStats& stats,
+                          const RenderProgress* progress) {
+    const Crop crop = crop_of(context.settings, film);
+    const bool whole = film.width == crop.width && film.height == crop.height,
+               has_samples = context.settings.first_sample == 0;
+    if (whole && has_samples) {
+        update_luminance_stddev(film);
+        return true;
+    }
+    Pilot pilot(crop, film, has_samples);
+    RenderContext of_pilot = context;
+    of_pilot.settings.crop = pilot.crop;
+    of_pilot.settings.noise_threshold = 0.0;
+    RenderProgress cancel_only;
+    if (progress) cancel_only.cancel = progress->cancel;
+    const std::function<double()> no_clock;
+    RenderStats traced;
+    render_pass(of_pilot, pilot_samples, pilot.film, traced, &cancel_only, {no_clock, std::nullopt});
+    stats.rays.intersect += traced.rays.intersect;
+    stats.rays.occluded += traced.rays.occluded;
+    stats.rays.invalid += traced.rays.invalid;
+    if (cancelled(progress)) return false;
+    update_luminance_stddev(pilot.film);
+    pilot.for_each_pixel(film, [&](const FilmPixel& pixel, size_t i) {
+        film.pixel_states[i].luminance_stddev = pixel.luminance_stddev;
+    });
+    return true;
+}
+
+// What the samples before the film's first one say of its pixels.
+void take_from(Film& before, Film& film, const RenderSettings& settings) {
+    if (settings.noise_threshold > 0.0) mark_converged_pixels(before, settings.noise_threshold);
+    const Crop crop = crop_of(settings, film);
+    for (size_t i = 0; i < film.pixel_states.size(); ++i) {
+        const FilmPixel& from =
+            before.pixel_states[(crop.y + i / film.width) * before.width + crop.x + i % film.width];
+        film.pixel_states[i].converged = from.converged;
+        film.pixel_states[i].luminance_stddev = from.luminance_stddev;
+    }
+}
+
+// Decides what depends on the samples before `begin`, where all pixels stand. False: nothing is left to do.
+bool decide(const RenderContext& context, uint32_t begin, Film& film, RenderStats& stats,
+            const RenderProgress* progress) {
+    const RenderSettings& settings = context.settings;
+    const bool first = begin == settings.first_sample;
+    if (first && settings.before)
+        take_from(*settings.before, film, settings);
+    else if (begin == std::max(settings.first_sample, pilot_samples)) {
+        stats.cancelled = !set_luminance_stddev(context, film, stats, progress);
+        if (stats.cancelled) return false;
+    }
+    const bool adapts = settings.noise_threshold > 0.0 && begin > 0 && begin % samples_per_round == 0;
+    if (!adapts || (first && !settings.before)) return true;
+    if (!first) mark_converged_pixels(film, settings.noise_threshold);
+    return std::ranges::any_of(film.pixel_states, [](const FilmPixel& p) { return !p.converged; });
+}
+
 void render_passes(const RenderContext& context, Film& film, RenderStats& stats, RenderProgress* progress) {
-    constexpr uint32_t min_adaptive_samples = 16; // samples for a usable variance of a pixel
     const RenderSettings& settings = context.settings;
     const std::function<double()> clock = settings.clock ? settings.clock : wall_seconds;
     const double start = clock();
@@ -180,12 +271,7 @@ void render_passes(const RenderContext& context, Film& film, RenderStats& stats,
     double seconds_per_sample = 0.0; // 0: not known yet
     for (uint32_t begin = progress_of(film).min; begin < settings.samples;) {
         const uint32_t end = std::min(pass_end(begin), settings.samples);
-        if (is_between_passes(begin, film)) {
-            if (begin > 1) update_luminance_stddev(film);
-            if (settings.noise_threshold > 0.0 && begin >= min_adaptive_samples &&
-                mark_converged_pixels(film, settings.noise_threshold) == 0)
-                return;
-        }
+        if (all_at(begin, film) && !decide(context, begin, film, stats, progress)) return;
         while (begin < end) { // partial passes: several near the deadline, or to measure the cost
             // The first sample is always completed.
             if (settings.seconds > 0.0 && begin > 0) deadline.time = start + settings.seconds;
@@ -227,7 +313,11 @@ RenderStats render(const World& world, const Lights& lights, std::span<const Mat
     find_attributes(context, film);
     RenderStats stats;
     const uint64_t samples_before = count_samples(film).total;
-    if (progress) progress->samples_done = progress_of(film).sum;
+    for (FilmPixel& pixel : film.pixel_states)
+        pixel.next_sample = std::max(pixel.next_sample, settings.first_sample);
+    if (progress)
+        progress->samples_done =
+            progress_of(film).sum - uint64_t(settings.first_sample) * film.pixel_states.size();
     render_passes(context, film, stats, progress);
     const SampleCount count = count_samples(film);
     stats.max_samples = count.max;

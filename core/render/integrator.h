@@ -46,9 +46,16 @@ struct RenderSettings {
     uint64_t seed = 0; // use a different seed for each frame
     Strategy strategy = Strategy::mis;
     uint32_t tile = 16; // pixels; does not affect the result
-    // Only the film's part is traced. The first samples are those of the whole picture bit for bit; later,
-    // adaptive sampling and Russian roulette do not know the neighbours beyond the film's edges.
+    // Only the film's part of the picture is traced, with the samples of the whole bit for bit (but for
+    // adaptive sampling, which does not know neighbours beyond the film's edges without `before`).
     std::optional<Crop> crop;
+    // The film has the samples from this one on; others are those of other films (add_film).
+    uint32_t first_sample = 0;
+    // The film of the whole picture with all samples before first_sample: which pixels have converged, and
+    // how noisy they are. Without it, a film that begins later or is a part of the picture traces the pilot
+    // samples for that alone. Adaptive sampling needs it, and then one round at a time is traced
+    // (samples_per_round, adaptive.h). Its FilmPixel::converged is set.
+    Film* before = nullptr;
 };
 
 // Progress of a render. cancel and samples_done may be read and written from any thread while render() runs.
@@ -64,7 +71,8 @@ struct RenderProgress {
 
 struct RenderStats {
     RayCounts rays;
-    uint64_t nonfinite_samples = 0; // discarded samples of this call; 0 unless a light is non-finite
+    // Discarded samples of this call, not finite or above ValueSum::max_term: 0 unless a light is.
+    uint64_t nonfinite_samples = 0;
     // Mean luminance of the throughput of paths that settings.max_depth ends, over the samples of this call:
     // the fraction of light that is missing under uniform illumination.
     double cut_throughput = 0.0;

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a shader is told about a ray hit: the material there, and its inputs from the attributes of the geometry.
+// What a shader is told about a ray hit: the material there, and its inputs from the attributes of the
+// geometry.
 #pragma once
 
 #include "core/render/camera.h"
@@ -20,7 +21,7 @@ struct RenderContext {
     const World& world;
     const Lights& lights;
     std::span<const Material> materials;
-    const RenderSettings& settings;
+    RenderSettings settings;
     CameraRays camera;
     FilterSampler filter;
     Material default_material;                           // of hits without a material

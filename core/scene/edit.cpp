@@ -534,7 +534,8 @@ void write_setting(Document& document, toml::table& wanted, const std::string& s
                      "write it into the file by hand");
 }
 
-// The place where two trees differ, in the first of them; nullptr: it has nothing there, or they are the same.
+// The place where two trees differ, in the first of them; nullptr: it has nothing there, or they are the
+// same.
 const toml::node* first_difference(const toml::node& node, const toml::node& other) {
     const bool tables = node.is_table() && other.is_table();
     const bool lists =

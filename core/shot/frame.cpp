@@ -4,6 +4,7 @@
 #include "core/image/atomic_file.h"
 #include "core/math/frame_name.h"
 #include "core/math/hash.h"
+#include "core/render/adaptive.h"
 #include "core/scene/keyed_values.h"
 #include "core/shot/film_state.h"
 #include "core/shot/picture_file.h"
@@ -20,16 +21,12 @@
 #include <fstream>
 #include <iterator>
 #include <span>
+#include <tuple>
 
 namespace marram {
 namespace {
 
 namespace fs = std::filesystem;
-
-constexpr const char* digest_key = "marram:digest";
-constexpr const char* frame_key = "marram:frame";
-constexpr const char* layer_key = "marram:layer"; // name and range of a layer's picture
-constexpr const char* unfinished = "partial";     // value of digest_key in unfinished pictures
 
 uint64_t hash_text(uint64_t h, std::string_view text) {
     for (const char c : text) h = hash(h, static_cast<unsigned char>(c));
@@ -38,16 +35,8 @@ uint64_t hash_text(uint64_t h, std::string_view text) {
 
 // Metadata of a picture.
 std::vector<Metadata> metadata_of(const Frame& frame, const std::string& digest) {
-    const SampleCount samples = count_samples(frame.film);
     const double seconds = frame.stats.load + wall_seconds() - frame.begin;
-    return {{"Software", std::string("marram " MARRAM_VERSION)},
-            {"marram:scene", frame.options.scene},
-            {frame_key, frame.files.frame},
-            {"marram:samples", int(samples.max)},
-            {"marram:mean_samples", samples.mean},
-            {"marram:seconds", seconds},
-            {"marram:version", std::string(MARRAM_VERSION)},
-            {digest_key, digest}};
+    return picture_metadata(frame.film, frame.options.scene, frame.files.frame, seconds, digest);
 }
 
 double exposure_of(const Frame& frame) {
@@ -74,6 +63,22 @@ void warn_far_target(Frame& frame) {
             to_string(scene.globals.at("tolerance_pixels").place), target, strands, target / strands));
 }
 
+// What the film's state says of itself.
+FilmState state_of(const Frame& frame, bool finished) {
+    FilmState state;
+    state.scene = frame.options.scene;
+    state.frame = frame.files.frame;
+    std::tie(state.width, state.height) = film_size(frame.shot);
+    state.samples = uint32_t(frame.shot.description.film.integer("samples"));
+    state.samples_digest = frame.files.samples_digest;
+    state.picture_digest = frame.files.digest;
+    state.exposure = exposure_of(frame);
+    state.seconds = frame.stats.load + wall_seconds() - frame.begin;
+    state.parts = {frame.part};
+    state.finished = finished;
+    return state;
+}
+
 } // namespace
 
 uint64_t shot_digest(const Shot& shot, const FrameOptions& options,
@@ -96,12 +101,14 @@ uint64_t shot_digest(const Shot& shot, const FrameOptions& options,
 }
 
 FrameFiles frame_files(double frame, const Shot& shot, uint64_t digest, const std::string& picture,
-                       const std::string& preview, const std::vector<LayerPicture>& layers) {
+                       const std::string& preview, const std::vector<LayerPicture>& layers,
+                       const PartRequest& part) {
     FrameFiles files;
     files.frame = frame;
     files.picture = numbered(picture, frame);
     if (!preview.empty()) files.preview = numbered(preview, frame);
-    files.state = state_name(files.picture);
+    files.part = part;
+    files.state = state_name(files.picture, part);
     files.layers = layers;
     for (LayerPicture& layer : files.layers) layer.file = numbered(layer.file, frame);
     files.samples_digest = fmt::format("{:016x}", hash(digest, std::bit_cast<uint64_t>(frame)));
@@ -110,7 +117,70 @@ FrameFiles frame_files(double frame, const Shot& shot, uint64_t digest, const st
     return files;
 }
 
-bool is_rendered(const FrameFiles& files) {
+FilmPart part_of_frame(const Shot& shot, const PartRequest& part) {
+    const auto [width, height] = film_size(shot);
+    return part_of(part, width, height, uint32_t(shot.description.film.integer("samples")));
+}
+
+namespace {
+
+// A part of an adaptive picture is one round, and what was sampled before it is known.
+void check_round(const FilmPart& part, const FilmPart& whole, const FrameOptions& options) {
+    if (part.first_sample == 0 && !options.part.crops) return;
+    const uint32_t first = part.first_sample;
+    const bool is_round = first % samples_per_round == 0 &&
+                          part.end_sample == std::min(first + samples_per_round, whole.end_sample);
+    if (!is_round)
+        throw InputError({"--samples"},
+                         fmt::format("film.noise decides after each {} samples, from all pixels, and these "
+                                     "are {}",
+                                     samples_per_round, to_string(part)),
+                         fmt::format("render one round at a time, such as --samples {}-{}, or all with "
+                                     "film.noise=0",
+                                     first / samples_per_round * samples_per_round,
+                                     (first / samples_per_round + 1) * samples_per_round - 1));
+    if (first > 0 && options.after.empty())
+        throw InputError({"--samples"}, "film.noise asks which pixels have converged before these samples",
+                         "give --after the state of all samples before, such as what `marram merge` "
+                         "writes to a .tif");
+}
+
+} // namespace
+
+void check_part(const Shot& shot, const FrameOptions& options, const std::vector<FrameFiles>& frames) {
+    const FilmPart part = part_of_frame(shot, options.part), whole = part_of_frame(shot, {});
+    if (options.part.given() && shot.description.film.number("noise") > 0.0)
+        check_round(part, whole, options);
+    if (options.after.empty()) return;
+    if (part.first_sample == 0)
+        throw InputError({"--after " + options.after}, "nothing comes before sample 0",
+                         "leave it out, or give --samples that begin later");
+    FilmPart earlier = whole;
+    earlier.end_sample = part.first_sample;
+    for (const FrameFiles& files : frames) {
+        const std::string after = numbered(options.after, files.frame);
+        const FilmState state = read_state(after);
+        if (state.samples_digest != files.samples_digest)
+            throw InputError({after}, "belongs to another scene, size, layer list, frame or program version",
+                             "give the state of this frame");
+        if (!state.finished || state.parts != std::vector{earlier})
+            throw InputError({after}, fmt::format("has not just {}", to_string(earlier)),
+                             "merge the states of these samples to a .tif, and give that");
+    }
+}
+
+bool is_rendered(const FrameFiles& files, const FilmPart& part) {
+    if (files.part.given()) {
+        std::error_code error;
+        if (!fs::exists(files.state, error)) return false;
+        try {
+            const FilmState state = read_state(files.state);
+            return state.finished && state.samples_digest == files.samples_digest &&
+                   state.parts == std::vector{part};
+        } catch (const InputError&) { // damaged
+            return false;
+        }
+    }
     const auto is_whole = [&](const std::string& file) {
         return read_metadata(file, frame_key) == fmt::format("{}", files.frame) &&
                whole_metadata(file, digest_key) == files.digest;
@@ -121,13 +191,6 @@ bool is_rendered(const FrameFiles& files) {
                                           is_whole(layer.file);
                                }) &&
            is_whole(files.picture);
-}
-
-void check_partial_name(const std::string& partial) {
-    std::error_code error;
-    if (fs::exists(partial, error) && read_metadata(partial, digest_key) != unfinished)
-        throw InputError({partial}, "this file would be overwritten by an unfinished picture",
-                         "move it, or choose another output");
 }
 
 std::vector<std::string> layer_names(const Shot& shot, const std::vector<std::string>& more) {
@@ -162,6 +225,9 @@ World build_frame(Frame& frame, KeptGeometry kept) {
     set_frame(frame.shot, frame.files.frame);
     frame.settings = render_settings(frame.shot, frame.files.frame);
     frame.settings.seconds = frame.options.seconds;
+    frame.part = part_of_frame(frame.shot, frame.options.part);
+    frame.settings.first_sample = frame.part.first_sample;
+    frame.settings.samples = frame.part.end_sample;
     BuildSettings settings = build_settings(frame.shot, frame.files.frame);
     settings.attributes = wanted_attributes(frame.shot, frame.layers);
     settings.camera = camera_samples(frame.shot, frame.files.frame);
@@ -170,9 +236,20 @@ World build_frame(Frame& frame, KeptGeometry kept) {
     check_root_uvs(frame.shot, world);
     std::ranges::move(check_tiles(frame.shot, world), std::back_inserter(frame.stats.build.warnings));
     warn_far_target(frame);
-    const auto [width, height] = film_size(frame.shot);
-    frame.film = make_film(width, height, frame.layers, world);
+    frame.film = make_film(frame.part.width(), frame.part.height(), frame.layers, world);
     frame.film.transparent = is_transparent(frame.shot);
+    if (frame.options.part.crops) {
+        const auto [width, height] = film_size(frame.shot);
+        frame.settings.crop = Crop{frame.part.x0, frame.part.y0, width, height};
+    }
+    if (!frame.options.after.empty()) {
+        const std::string after = numbered(frame.options.after, frame.files.frame);
+        const FilmState state = read_state(after);
+        const FilmPart bounds = bounds_of(state.parts);
+        frame.before = empty_film(state, bounds);
+        add_state(after, state, bounds, frame.before);
+        frame.settings.before = &frame.before;
+    }
     return world;
 }
 
@@ -180,8 +257,7 @@ ResumedFrame resume_frame(Frame& frame) {
     const FrameFiles& files = frame.files;
     std::error_code error;
     if (!frame.options.resume || !fs::exists(files.state, error)) return {};
-    const std::string reason =
-        load_state(files.state, files.samples_digest, frame.settings.samples, frame.film);
+    const std::string reason = load_state(files.state, files.samples_digest, frame.part, frame.film);
     if (!reason.empty())
         return {fmt::format("{}: {}: the frame is rendered from the start", files.state, reason), true};
     return {
@@ -190,7 +266,6 @@ ResumedFrame resume_frame(Frame& frame) {
 }
 
 void trace_frame(Frame& frame, const World& world, Preview& preview) {
-    const auto [width, height] = film_size(frame.shot);
     const double before = wall_seconds();
     const Lights lights(frame.shot.lights, world); // computes skies the first time
     const double begin = wall_seconds();
@@ -201,8 +276,11 @@ void trace_frame(Frame& frame, const World& world, Preview& preview) {
         preview.show_if_due();
         if (frame.between_passes) frame.between_passes();
     };
-    progress.render.samples_done = progress_of(frame.film).sum; // set before progress.samples
-    progress.samples = uint64_t(width) * height * frame.settings.samples;
+    const uint64_t done = progress_of(frame.film).sum, // 0: no sample yet
+        earlier = uint64_t(frame.film.width) * frame.film.height * frame.settings.first_sample;
+    progress.render.samples_done = done - std::min(done, earlier); // set before progress.samples
+    progress.samples = uint64_t(frame.film.width) * frame.film.height *
+                       (frame.settings.samples - frame.settings.first_sample);
     double off = 0.0;
     const Camera camera = camera_at(frame.shot.description, frame.files.frame, &off);
     frame.stats.camera_poses = uint32_t(camera.poses.size());
@@ -253,7 +331,8 @@ SavedFrame save_frame(Frame& frame) {
     frame.stats.total = frame.stats.load + wall_seconds() - frame.begin;
     SavedFrame saved;
     saved.whole = !render.cancelled && !render.out_of_time;
-    saved.picture = render.cancelled ? partial_name(files.picture) : files.picture;
+    const bool is_part = files.part.given();
+    saved.picture = is_part ? files.state : render.cancelled ? partial_name(files.picture) : files.picture;
     const auto write_picture = [&] {
         const std::vector<Metadata> metadata = metadata_of(frame, saved.whole ? files.digest : unfinished);
         for (const LayerPicture& layer : files.layers) {
@@ -268,11 +347,16 @@ SavedFrame save_frame(Frame& frame) {
     };
     const auto write_state = [&] {
         try {
-            save_state(files.state, frame.film, files.samples_digest);
+            save_state(files.state, state_of(frame, saved.whole), frame.film);
         } catch (const InputError& error) { // reported separately: the picture may still be saved
             saved.state_error = error.what();
         }
     };
+    if (is_part) {
+        save_state(files.state, state_of(frame, saved.whole), frame.film);
+        return saved;
+    }
+    if (saved.whole && frame.options.keep_state) write_state();
     if (!saved.whole) { // in parallel: the user who pressed Ctrl-C is waiting
         tbb::parallel_invoke(write_picture, write_state);
         return saved;
@@ -292,9 +376,9 @@ SavedFrame save_frame(Frame& frame) {
     return saved;
 }
 
-void remove_unfinished(const FrameFiles& files) {
+void remove_unfinished(const FrameFiles& files, bool keep_state) {
     std::error_code error;
-    if (!fs::remove(files.state, error)) return;
+    if (files.part.given() || (!keep_state && !fs::remove(files.state, error))) return;
     const std::string partial = partial_name(files.picture);
     if (read_metadata(partial, digest_key) == unfinished) fs::remove(partial, error);
 }

@@ -13,6 +13,7 @@
 
 #include "core/image/image.h"
 #include "core/math/clock.h"
+#include "core/shot/film_part.h"
 #include "core/shot/layer_picture.h"
 #include "core/shot/preview.h"
 #include "core/shot/shot.h"
@@ -31,12 +32,17 @@ struct FrameOptions {
     std::vector<std::string> layers; // besides those of the scene
     double seconds = 0.0;            // time limit for tracing a frame; 0: none
     bool resume = false;
+    bool keep_state = false; // of finished pictures
+    PartRequest part;        // rendered alone, to a state that merge_states() (merge.h) takes
+    // A state of the whole picture, with all samples before those of the part; #### for the frame; "": none.
+    std::string after;
 };
 
 // The names of a frame's files, and digests of what they depend on.
 struct FrameFiles {
     double frame = 0.0;
     std::string picture, preview, state; // preview: "" for none
+    PartRequest part;                    // if given, the state is all that is written
     std::vector<LayerPicture> layers;    // written with the picture, unless it is interrupted
     std::string digest;                  // pictures of the same frame and digest are identical
     // Films with the same samples_digest differ only in their number of samples: the one with fewer can be
@@ -51,13 +57,18 @@ uint64_t shot_digest(const Shot& shot, const FrameOptions& options, const std::v
 
 // `picture`, `preview` and the files of `layers` are names with #### for the frame.
 FrameFiles frame_files(double frame, const Shot& shot, uint64_t digest, const std::string& picture,
-                       const std::string& preview, const std::vector<LayerPicture>& layers = {});
+                       const std::string& preview, const std::vector<LayerPicture>& layers = {},
+                       const PartRequest& part = {});
 
-// Whether an earlier run has finished the picture and those of its layers.
-bool is_rendered(const FrameFiles& files);
+// What is rendered of a frame.
+FilmPart part_of_frame(const Shot& shot, const PartRequest& part);
 
-// Throws InputError if a file of this name exists that is not an unfinished picture.
-void check_partial_name(const std::string& partial);
+// Whether an earlier run has finished the picture and those of its layers, or the state of the part.
+bool is_rendered(const FrameFiles& files, const FilmPart& part);
+
+// Throws InputError where a part cannot be rendered alone: it goes beyond the picture, or adaptive sampling
+// would have to know more; and where the state of --after is not what comes before it.
+void check_part(const Shot& shot, const FrameOptions& options, const std::vector<FrameFiles>& frames);
 
 // Names of the film's layers: beauty and alpha, the scene's, those of `more`, and those that sampling needs.
 std::vector<std::string> layer_names(const Shot& shot, const std::vector<std::string>& more);
@@ -82,7 +93,9 @@ struct Frame {
     FrameStats& stats;
     double begin = wall_seconds();
     RenderSettings settings{};
-    Film film{};
+    FilmPart part{};
+    Film film{};   // of the part's pixels
+    Film before{}; // of options.after; empty without
     FrameProgress progress{};
     std::function<void()> between_passes{}; // called by trace_frame(), as the preview's; may be empty
 };
@@ -109,17 +122,18 @@ std::vector<std::string> render_warnings(const Frame& frame);
 
 struct SavedFrame {
     std::vector<std::string> layers; // pictures of layers
-    std::string picture;             // its file name
+    std::string picture;             // its file name, or that of the part's state
     std::string state_error;         // why the film's state could not be saved; "": saved, or not needed
     bool whole = false;
 };
 
 // Writes the picture (under partial_name() if the frame was cancelled) and, unless the frame is complete, the
-// film's state. Throws InputError if the picture cannot be written; the state is then saved even if the frame
-// is complete, as its samples may have taken hours.
+// film's state. Of a part, the state alone. Throws InputError if the picture cannot be written; the state is
+// then saved even if the frame is complete, as its samples may have taken hours.
 SavedFrame save_frame(Frame& frame);
 
-// Removes the state and the partial picture that an interrupted run has left, after the frame is complete.
-void remove_unfinished(const FrameFiles& files);
+// Removes the state and the partial picture that an interrupted run has left, after the frame is complete. A
+// state that is wanted stays.
+void remove_unfinished(const FrameFiles& files, bool keep_state);
 
 } // namespace marram

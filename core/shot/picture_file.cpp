@@ -97,4 +97,24 @@ void save_picture(const std::string& path, const Film& film, double exposure,
     write_exr(path, width, height, picture_layers(film).layers, metadata);
 }
 
+std::vector<Metadata> picture_metadata(const Film& film, const std::string& scene, double frame,
+                                       double seconds, const std::string& digest) {
+    const SampleCount samples = count_samples(film);
+    return {{"Software", std::string("marram " MARRAM_VERSION)},
+            {"marram:scene", scene},
+            {frame_key, frame},
+            {"marram:samples", int(samples.max)},
+            {"marram:mean_samples", samples.mean},
+            {"marram:seconds", seconds},
+            {"marram:version", std::string(MARRAM_VERSION)},
+            {digest_key, digest}};
+}
+
+void check_partial_name(const std::string& partial) {
+    std::error_code error;
+    if (fs::exists(partial, error) && read_metadata(partial, digest_key) != unfinished)
+        throw InputError({partial}, "this file would be overwritten by an unfinished picture",
+                         "move it, or choose another output");
+}
+
 } // namespace marram

@@ -27,6 +27,19 @@ struct PictureLayers {
 };
 PictureLayers picture_layers(const Film& film);
 
+// Metadata by which files are known again.
+inline constexpr const char* digest_key = "marram:digest";
+inline constexpr const char* frame_key = "marram:frame";
+inline constexpr const char* layer_key = "marram:layer"; // name and range of a layer's picture
+inline constexpr const char* unfinished = "partial";     // value of digest_key in unfinished pictures
+
+// What a picture's file says of it. seconds: of rendering.
+std::vector<Metadata> picture_metadata(const Film& film, const std::string& scene, double frame,
+                                       double seconds, const std::string& digest);
+
+// Throws InputError if a file of this name exists that is not an unfinished picture.
+void check_partial_name(const std::string& partial);
+
 // The film must be resolved. exposure: stops, used for PNG only.
 void save_picture(const std::string& path, const Film& film, double exposure,
                   const std::vector<Metadata>& metadata);

@@ -40,24 +40,6 @@ void add_library(PluginSet& plugins, const std::string& key, const std::string& 
     plugins.libraries[key] = std::move(library);
 }
 
-// Runs steps and collects their InputErrors, so that all mistakes of a scene are reported together.
-class ProblemCollector {
-  public:
-    void operator()(const std::function<void()>& step) {
-        try {
-            step();
-        } catch (const InputError& error) {
-            problems_.insert(problems_.end(), error.problems.begin(), error.problems.end());
-        }
-    }
-    void raise() const {
-        if (!problems_.empty()) throw InputError(problems_);
-    }
-
-  private:
-    std::vector<Problem> problems_;
-};
-
 int index_of(const std::vector<Item>& items, const std::string& name) {
     for (size_t i = 0; i < items.size(); ++i)
         if (items[i].name == name) return int(i);
@@ -113,7 +95,8 @@ Item item_at(const Item& item, double frame) {
     return now;
 }
 
-// Calls check(item at the key) for each key of the item, so that mistakes are found before frames are rendered.
+// Calls check(item at the key) for each key of the item, so that mistakes are found before frames are
+// rendered.
 void check_keys(const Item& item, const std::function<void(const Item&)>& check) {
     for (const ParamValue& value : item.params.all())
         for (size_t i = 1; value.keys && i < value.keys->count(); ++i)

@@ -75,7 +75,8 @@ Solved elastica_pose(const Case& c, int pieces) {
     return solved;
 }
 
-// A pose that followed the load from rest without a jump or a choice; empty if there is none. Of fourth order.
+// A pose that followed the load from rest without a jump or a choice; empty if there is none. Of fourth
+// order.
 std::vector<Vec3d> oracle_points(const oracle::Blade& blade) {
     const oracle::Pose coarse = oracle::elastica(blade, 8), fine = oracle::elastica(blade, 16);
     for (const oracle::Pose* pose : {&coarse, &fine})

@@ -49,7 +49,8 @@ void print_planes() {
         }
 }
 
-// Meshes of one shape: seconds, medians of runs in turn, and the distance of the vertices from the shape in voxels.
+// Meshes of one shape: seconds, medians of runs in turn, and the distance of the vertices from the shape in
+// voxels.
 void print_meshes_of(const char* name, const LevelMesh& shape, double voxel,
                      const std::function<double(const Vec3d&)>& distance) {
     std::vector<openvdb::Vec3s> points;

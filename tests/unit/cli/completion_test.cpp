@@ -11,7 +11,7 @@ namespace marram::testing {
 namespace {
 
 const std::vector<std::string> commands = {"render", "bake", "info",       "compare", "measure",
-                                           "sheet",  "view", "completion", "man"};
+                                           "sheet",  "view", "completion", "man",     "merge"};
 
 bool has_program(const std::string& name) {
     return std::system(("command -v " + name + " > /dev/null 2>&1").c_str()) == 0;

@@ -2,8 +2,8 @@
 // Files are complete or absent, wherever the disk gets full. A limit on the file size (RLIMIT_FSIZE) stands
 // for the full disk: it cuts a write at an exact byte.
 #include "core/image/atomic_file.h"
-#include "core/image/doubles.h"
 #include "core/image/image.h"
+#include "core/image/words.h"
 #include "core/math/problem.h"
 #include "tests/unit/files.h"
 
@@ -91,8 +91,8 @@ TEST_F(AtomicFiles, AreWholeOrNotThereAtEveryByte) {
     expect_whole_or_not_there(
         "a.png", [&](const std::string& file) { write_png(file, width, height, 3, pixels, 0.0, metadata); });
     expect_whole_or_not_there("a.tif", [&](const std::string& file) {
-        write_doubles(file, {width, height, 3, "a state"}, [&](int y, double* row) {
-            for (int i = 0; i < 3 * width; ++i) row[i] = y + 0.1 * i;
+        write_words(file, {width, height, 3, "a state"}, [&](int y, uint32_t* row) {
+            for (int i = 0; i < 3 * width; ++i) row[i] = uint32_t(y * 1000 + i);
         });
     });
     expect_whole_or_not_there("a.txt", [](const std::string& file) {
@@ -228,7 +228,7 @@ TEST_F(AtomicFiles, FollowOnlyLinksThatTheUserNames) {
     EXPECT_EQ(get(victim), "followed");
     fs::remove(link);
     fs::create_symlink(nowhere, link);
-    write_doubles(link, {1, 1, 1, "a state"}, [](int, double* row) { row[0] = 0.5; });
+    write_words(link, {1, 1, 1, "a state"}, [](int, uint32_t* row) { row[0] = 5; });
     EXPECT_FALSE(fs::exists(nowhere));
     EXPECT_TRUE(fs::is_regular_file(fs::symlink_status(link)));
     fs::remove(link);

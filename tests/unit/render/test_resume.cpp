@@ -4,7 +4,9 @@
 #include "tests/unit/render/world_builder.h"
 #include "tests/unit/shaders/default_params.h"
 
+#include "core/render/adaptive.h"
 #include "core/render/integrator.h"
+#include "core/shot/film_part.h"
 
 #include <gtest/gtest.h>
 #include <tbb/task_arena.h>
@@ -12,6 +14,7 @@
 #include <algorithm>
 #include <atomic>
 #include <limits>
+#include <random>
 #include <set>
 #include <thread>
 
@@ -60,7 +63,8 @@ class Resume : public ::testing::Test {
         return film;
     }
     static void expect_same(const Film& a, const Film& b) {
-        EXPECT_EQ(a.sums, b.sums);
+        EXPECT_TRUE(a.sums == b.sums);
+        EXPECT_EQ(a.counts, b.counts);
         EXPECT_TRUE(a.pixel_states == b.pixel_states);
         EXPECT_TRUE(a.catchers == b.catchers);
         for (size_t i = 0; i < a.layers.size(); ++i)
@@ -148,6 +152,8 @@ TEST_F(Resume, WithinAPass) {
                 }
                 std::copy_n(after.sums.data() + i * film.stride, film.stride,
                             film.sums.data() + i * film.stride);
+                std::copy_n(after.counts.data() + i * layers.size(), layers.size(),
+                            film.counts.data() + i * layers.size());
                 film.pixel_states[i] = after.pixel_states[i];
             }
             continue_render(film, 100);
@@ -196,7 +202,7 @@ TEST_F(Resume, DroppedSamplesCount) {
 
 // Only films of worlds with a shadow catcher have memory for it.
 TEST_F(Resume, ShadowCatchersHaveSumsOfTheirOwn) {
-    EXPECT_EQ(sizeof(FilmPixel), 64U);
+    EXPECT_EQ(sizeof(FilmPixel), 96U);
     EXPECT_EQ(empty().catchers.size(), 0U);
     builder_.world.meshes[0].shadow_catcher = true;
     Film film = empty();
@@ -205,15 +211,17 @@ TEST_F(Resume, ShadowCatchersHaveSumsOfTheirOwn) {
         continue_render(film, samples);
         expect_same(film, uninterrupted_render(samples));
     }
-    EXPECT_TRUE(std::ranges::any_of(film.catchers, [](const auto& c) { return c.full > c.lit; }));
+    EXPECT_TRUE(
+        std::ranges::any_of(film.catchers, [](const auto& c) { return c.full.value() > c.lit.value(); }));
     clear(film);
     EXPECT_TRUE(film.catchers == empty().catchers);
 }
 
-// Until neighbours beyond its edges decide, a part has the samples of the whole.
+// A part of the picture has the samples of the whole, also when those depend on the noise of neighbours
+// beyond its edges.
 TEST_F(Resume, APartOfThePictureHasItsPixels) {
     RenderSettings settings;
-    settings.samples = 4;
+    settings.samples = 20;
     settings.max_depth = 3;
     const Crop crop{7, 3, 36, 24};
     const auto trace = [&](Film& film) {
@@ -228,8 +236,85 @@ TEST_F(Resume, APartOfThePictureHasItsPixels) {
         for (uint32_t x = 0; x < part.width; ++x) {
             const size_t a = size_t(y) * part.width + x, b = size_t(y + crop.y) * whole.width + x + crop.x;
             for (uint32_t i = 0; i < part.stride; ++i)
-                ASSERT_EQ(part.sums[a * part.stride + i], whole.sums[b * whole.stride + i]) << x << ", " << y;
+                ASSERT_TRUE(part.sums[a * part.stride + i] == whole.sums[b * whole.stride + i])
+                    << x << ", " << y;
         }
+}
+
+// Boxes of pixels and samples that fill the picture, cut at random.
+void cut(std::mt19937& random, const FilmPart& part, int depth, std::vector<FilmPart>& parts) {
+    const uint32_t sizes[] = {part.width(), part.height(), part.end_sample - part.first_sample};
+    const uint32_t side = random() % 3;
+    if (depth == 0 || sizes[side] < 2) return parts.push_back(part);
+    FilmPart a = part, b = part;
+    const uint32_t at = 1 + random() % (sizes[side] - 1);
+    if (side == 0) a.x1 = b.x0 = part.x0 + at;
+    if (side == 1) a.y1 = b.y0 = part.y0 + at;
+    if (side == 2) a.end_sample = b.first_sample = part.first_sample + at;
+    cut(random, a, depth - 1, parts);
+    cut(random, b, depth - 1, parts);
+}
+
+// The picture is the sum of its parts: 1,000 random splits, in random order, on one thread or all.
+TEST_F(Resume, PartsAddUpToTheWholeBitForBit) {
+    builder_.world.meshes[0].shadow_catcher = true;
+    const FilmPart picture{0, 0, 36, 24, 0, 23};
+    const Film whole = uninterrupted_render(picture.end_sample);
+    std::mt19937 random(5);
+    for (int split = 0; split < 1000; ++split) {
+        std::vector<FilmPart> parts;
+        cut(random, picture, 1 + int(random() % 4), parts);
+        std::ranges::shuffle(parts, random);
+        Film sum = empty();
+        tbb::task_arena arena(random() % 2 == 0 ? 1 : tbb::task_arena::automatic);
+        for (const FilmPart& part : parts) {
+            Film film = make_film(part.width(), part.height(), layers, builder_.world);
+            RenderSettings settings;
+            settings.max_depth = 3;
+            settings.first_sample = part.first_sample;
+            settings.samples = part.end_sample;
+            settings.crop = Crop{part.x0, part.y0, picture.x1, picture.y1};
+            arena.execute([&] {
+                render(builder_.world, Lights(lights, builder_.world), grey, camera_, settings, film);
+            });
+            add_film(sum, film, part.x0, part.y0);
+        }
+        resolve(sum);
+        for (FilmPixel& pixel : sum.pixel_states) // known from sample pilot_samples on
+            if (pixel.luminance_stddev == 0.0F)
+                pixel.luminance_stddev =
+                    whole.pixel_states[size_t(&pixel - sum.pixel_states.data())].luminance_stddev;
+        expect_same(sum, whole);
+        ASSERT_FALSE(HasFailure()) << "split " << split << " in " << parts.size() << " parts";
+    }
+}
+
+// Adaptive sampling goes on round by round from the sum of what is there, in parts of the picture.
+TEST_F(Resume, RoundsOfPartsAddUpToTheWhole) {
+    noise = 0.03;
+    const Film whole = uninterrupted_render(75);
+    EXPECT_LT(count_samples(whole).mean, 70.0) << "some converge";
+    Film sum = empty();
+    for (uint32_t first = 0; first < 75; first += samples_per_round) {
+        Film before = sum;
+        for (const uint32_t left : {0U, 13U}) {
+            const uint32_t right = left == 0 ? 13 : 36;
+            Film film = make_film(right - left, 24, layers, builder_.world);
+            RenderSettings settings;
+            settings.max_depth = 3;
+            settings.noise_threshold = noise;
+            settings.first_sample = first;
+            settings.samples = std::min(first + samples_per_round, 75U);
+            settings.crop = Crop{left, 0, 36, 24};
+            if (first > 0) settings.before = &before;
+            render(builder_.world, Lights(lights, builder_.world), grey, camera_, settings, film);
+            add_film(sum, film, left, 0);
+        }
+    }
+    resolve(sum);
+    for (size_t i = 0; i < sum.layers.size(); ++i)
+        EXPECT_EQ(sum.layers[i].values, whole.layers[i].values) << sum.layers[i].name;
+    EXPECT_EQ(count_samples(sum).total, count_samples(whole).total);
 }
 
 TEST_F(Resume, AFilmIsShownBetweenPasses) {

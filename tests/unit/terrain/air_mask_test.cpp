@@ -11,8 +11,8 @@
 namespace marram::testing {
 namespace {
 
-// A dune across x: windward side to -x, slip face of 33 degrees to +x, its crest at x = 0. The mask is 0 at a speed of
-// -1, 1 at 2.
+// A dune across x: windward side to -x, slip face of 33 degrees to +x, its crest at x = 0. The mask is 0 at a
+// speed of -1, 1 at 2.
 std::string blown_dune(const std::string& cell, const std::string& layers,
                        const std::string& wind = "[1, 0, 0]") {
     return "\n[[curves]]\nname = \"crest\"\ntype = \"points\"\npoints = [[0, 0, 60], [0, 0, -60]]\n"

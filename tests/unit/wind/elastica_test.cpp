@@ -184,8 +184,8 @@ TEST(Elastica, HeavyBladesStandUpToGreenhillsLimit) {
     EXPECT_LT(at(blades.pose, 7, 7).y(), -0.3);
 }
 
-// M. Luhar and H. Nepf, Limnol. Oceanogr. 56, 2011: an upright blade without weight. The angle is that of the tip's
-// tangent from the vertical.
+// M. Luhar and H. Nepf, Limnol. Oceanogr. 56, 2011: an upright blade without weight. The angle is that of the
+// tip's tangent from the vertical.
 TEST(Elastica, HasTheAnglesOfLuharAndNepf) {
     const std::pair<double, double> cases[] = {{1.0, 9.31}, {10.0, 47.09}, {100.0, 76.71}};
     for (const auto& [ca, degrees] : cases) {
@@ -199,7 +199,8 @@ TEST(Elastica, HasTheAnglesOfLuharAndNepf) {
     }
 }
 
-// A blade that sags from its shape without weight, and then bends in the wind, is one that hangs as it sagged.
+// A blade that sags from its shape without weight, and then bends in the wind, is one that hangs as it
+// sagged.
 TEST(Elastica, HangsAsItSagged) {
     double worst = 0.0, moved = 0.0;
     for (uint64_t seed = 0; seed < 40; ++seed) {
@@ -294,8 +295,8 @@ TEST(Elastica, ConvergesOnceExtrapolated) {
     }
 }
 
-// Whatever way the wind blows across a rest that is curved by 3 radians: the kinks at its CVs turn the strand in
-// their plane, across it and about it.
+// Whatever way the wind blows across a rest that is curved by 3 radians: the kinks at its CVs turn the strand
+// in their plane, across it and about it.
 TEST(Elastica, KinksBendTheRightWay) {
     std::vector<double> errors;
     for (uint64_t i = 0; i < 20; ++i) {

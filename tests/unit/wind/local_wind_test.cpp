@@ -118,7 +118,8 @@ TEST(LocalWind, IsThatOfItsDefinition) {
     EXPECT_GT(inside, 1000U);
 }
 
-// In the middle of a whirl, on its axis, at its surface, outside: finite, continuous, and the mean wind outside.
+// In the middle of a whirl, on its axis, at its surface, outside: finite, continuous, and the mean wind
+// outside.
 TEST(LocalWind, IsSmoothInTheMiddleAndEndsAtTheSurface) {
     PlacedField whirl;
     whirl.swirl = 5.0;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "core/image/doubles.h"
+#include "core/image/words.h"
 
 #include "core/image/oiio/image_input.h"
 #include "core/image/oiio/image_output.h"
@@ -35,14 +35,14 @@ std::unique_ptr<OIIO::ImageInput> open(const std::string& path) {
     return input;
 }
 
-DoublesHeader header_of(const OIIO::ImageSpec& spec) {
-    const bool doubles = spec.format == OIIO::TypeDesc::DOUBLE && !spec.deep && spec.depth <= 1;
-    return {spec.width, spec.height, doubles ? spec.nchannels : 0,
+WordsHeader header_of(const OIIO::ImageSpec& spec) {
+    const bool words = spec.format == OIIO::TypeDesc::UINT32 && !spec.deep && spec.depth <= 1;
+    return {spec.width, spec.height, words ? spec.nchannels : 0,
             spec.get_string_attribute("ImageDescription")};
 }
 
-OIIO::ImageSpec spec_of(const DoublesHeader& header) {
-    OIIO::ImageSpec spec(header.width, header.height, header.channels, OIIO::TypeDesc::DOUBLE);
+OIIO::ImageSpec spec_of(const WordsHeader& header) {
+    OIIO::ImageSpec spec(header.width, header.height, header.channels, OIIO::TypeDesc::UINT32);
     for (int c = 0; c < header.channels; ++c) spec.channelnames[size_t(c)] = fmt::format("value{}", c);
     spec.alpha_channel = -1; // the default names would make the fourth channel alpha
     spec.attribute("compression", "none");
@@ -53,35 +53,35 @@ OIIO::ImageSpec spec_of(const DoublesHeader& header) {
 
 } // namespace
 
-void write_doubles(const std::string& path, const DoublesHeader& header,
-                   const std::function<void(int, double*)>& row) {
+void write_words(const std::string& path, const WordsHeader& header,
+                 const std::function<void(int, uint32_t*)>& row) {
     assert(header.width > 0 && header.height > 0 && header.channels > 0);
     ImageWriter writer(path, spec_of(header), "tiff", Links::replace);
     const size_t stride = size_t(header.width) * size_t(header.channels);
-    std::vector<double> strip(stride * size_t(std::min(rows_a_strip, header.height)));
+    std::vector<uint32_t> strip(stride * size_t(std::min(rows_a_strip, header.height)));
     for (int begin = 0; begin < header.height; begin += rows_a_strip) {
         const int end = std::min(begin + rows_a_strip, header.height);
         for (int y = begin; y < end; ++y) row(y, strip.data() + stride * size_t(y - begin));
-        writer.write_rows(begin, end, OIIO::TypeDesc::DOUBLE, strip.data());
+        writer.write_rows(begin, end, OIIO::TypeDesc::UINT32, strip.data());
     }
     writer.commit();
 }
 
-DoublesHeader read_doubles_header(const std::string& path) { return header_of(open(path)->spec()); }
+WordsHeader read_words_header(const std::string& path) { return header_of(open(path)->spec()); }
 
-void read_doubles(const std::string& path, const DoublesHeader& header,
-                  const std::function<void(int, const double*)>& row) {
+void read_words(const std::string& path, const WordsHeader& header,
+                const std::function<void(int, const uint32_t*)>& row) {
     const std::unique_ptr<OIIO::ImageInput> input = open(path);
-    const DoublesHeader found = header_of(input->spec());
+    const WordsHeader found = header_of(input->spec());
     if (found.width != header.width || found.height != header.height || found.channels != header.channels ||
         found.description != header.description)
         refuse_state(path, "has changed while it was read", "another header", "try again");
     const size_t stride = size_t(header.width) * size_t(header.channels);
-    std::vector<double> strip(stride * size_t(std::min(rows_a_strip, header.height)));
+    std::vector<uint32_t> strip(stride * size_t(std::min(rows_a_strip, header.height)));
     for (int begin = 0; begin < header.height; begin += rows_a_strip) {
         const int end = std::min(begin + rows_a_strip, header.height);
         // For a truncated file OpenImageIO sets an error but returns success.
-        if (!input->read_scanlines(0, 0, begin, end, 0, 0, header.channels, OIIO::TypeDesc::DOUBLE,
+        if (!input->read_scanlines(0, 0, begin, end, 0, 0, header.channels, OIIO::TypeDesc::UINT32,
                                    strip.data()) ||
             input->has_error())
             refuse_state(path, "cannot be read to its end", input->geterror(), "remove it");

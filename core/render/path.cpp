@@ -16,7 +16,7 @@
 //
 // Shadow rays are subject to roulette too (direct_light). C (`estimate`) is the luminance that an unoccluded
 // light adds to a sample. S (`luminance_stddev`) is the standard deviation of one sample's luminance, from
-// the variance averaged over the 5x5 neighbourhood after the last complete pass; 0: not yet known. w is
+// the variance of the first pilot_samples averaged over the 5x5 neighbourhood; 0: not yet known. w is
 // `shadow_rr_scale_first` or `_later`. The shadow ray is traced with probability q = min(1, C / (w S)), and
 // the contribution is divided by q. This adds C (w S - C) to the sample's variance S^2. The added variance is
 // at most (w / 2)^2 of what the pixel already has; noisy pixels skip shadow rays to dim lights. A q

@@ -539,7 +539,7 @@ int run(int argc, char** argv) {
     } catch (const InputError& error) {
         return report(error);
     } catch (const Cancelled&) {
-        return exit_interrupted;
+        return interrupt_exit_code();
     } catch (const std::exception& error) {
         if (is_lack_of_memory(error)) {
             flush_results();

@@ -15,6 +15,7 @@ namespace marram {
 namespace {
 
 std::atomic<bool> stop{false};
+std::atomic<int> first_signal{0};
 std::atomic<int> exit_blockers{0};
 
 // The documentation promises an exit within a second. Sorting roots, for example, takes up to this time
@@ -23,20 +24,20 @@ constexpr double grace_seconds = 0.4;
 
 [[noreturn]] void exit_now() {
     remove_temporary_files();
-    _exit(exit_interrupted);
+    _exit(interrupt_exit_code());
 }
 
 void watch(sigset_t signals) {
     int signal = 0;
     while (sigwait(&signals, &signal) != 0) {
     }
+    first_signal.store(signal); // before stop: who sees stop may ask for the exit code
     stop.store(true);
     const timespec pause{0, 20'000'000};
     for (double waited = 0.0;; waited += 0.02) {
         timespec none{0, 0};
-        const int next = sigtimedwait(&signals, nullptr, &none);
-        const bool again = next == SIGINT || next == SIGTERM || next == SIGHUP;
-        if (again || (waited > grace_seconds && exit_blockers.load() == 0)) exit_now();
+        const bool again = sigtimedwait(&signals, nullptr, &none) == SIGINT;
+        if (waited > grace_seconds && (again || exit_blockers.load() == 0)) exit_now();
         nanosleep(&pause, nullptr);
     }
 }
@@ -44,6 +45,30 @@ void watch(sigset_t signals) {
 } // namespace
 
 const std::atomic<bool>& interrupted() { return stop; }
+
+int interrupt_exit_code() {
+    const int signal = first_signal.load();
+    return signal == 0 ? exit_interrupted : 128 + signal;
+}
+
+const char* interrupt_name() {
+    switch (first_signal.load()) {
+    case SIGINT:
+        return "SIGINT";
+    case SIGTERM:
+        return "SIGTERM";
+    case SIGHUP:
+        return "SIGHUP";
+    case SIGUSR1:
+        return "SIGUSR1";
+    case SIGUSR2:
+        return "SIGUSR2";
+    case SIGXCPU:
+        return "SIGXCPU";
+    default:
+        return "";
+    }
+}
 
 void watch_interrupts() {
     // One thread waits for the signals. All threads created later inherit the mask that blocks them.

@@ -253,7 +253,7 @@ int watch_scene(const RenderOptions& options, int threads) {
     SceneWatch watch(options.scene, options.overrides);
     for (bool begun = false;; release_free_memory()) {
         try {
-            if (!render_watched(watch, options, threads)) return exit_interrupted;
+            if (!render_watched(watch, options, threads)) return interrupt_exit_code();
         } catch (const InputError& error) {
             if (!begun) throw;
             print_problems(error.problems);
@@ -309,7 +309,7 @@ int render_command(const RenderOptions& options) {
         stats_file.add(stats);
         if (stats.render.cancelled) {
             stats_file.finish();
-            return exit_interrupted;
+            return interrupt_exit_code();
         }
         release_free_memory();
     }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Ctrl-C in each phase. The program runs on a terminal: its progress line shows when a phase has begun, so no
+// Ctrl-C and other signals in each phase. The program runs on a terminal: its progress line shows when a phase has begun, so no
 // test depends on a clock.
 #include "program.h"
 
@@ -49,17 +49,42 @@ TEST_F(Interrupt, InTheRenderingLeavesAPartialPicture) {
     EXPECT_EQ(read_metadata(folder / "a.partial.exr", "marram:digest"), "partial");
 }
 
-TEST_F(Interrupt, BySigtermIsTheSame) {
+// Each signal is a checkpoint, and its exit code tells a batch system which it was.
+TEST_F(Interrupt, BySignalsOfBatchSystemsIsTheSame) {
     const std::string scene = folder.write("a.toml", long_picture);
-    EXPECT_EQ(interrupt_in("rendering", {"render", scene, "-o", folder / "a.png"}, SIGTERM), 130);
-    expect_untouched({"a.exr", "a.partial.png", "a.png.state.tif", "a.toml"});
+    for (const int signal : {SIGTERM, SIGHUP, SIGUSR1, SIGUSR2, SIGXCPU}) {
+        EXPECT_EQ(interrupt_in("rendering", {"render", scene, "-o", folder / "a.png"}, signal), 128 + signal);
+        expect_untouched({"a.exr", "a.partial.png", "a.png.state.tif", "a.toml"});
+        fs::remove(folder / "a.partial.png");
+        fs::remove(folder / "a.png.state.tif");
+    }
 }
 
-// The signals by which batch systems tell that time is up are treated alike.
-TEST_F(Interrupt, BySigxcpuIsTheSame) {
+// While the picture is built, nothing is there to save, and the work may end by itself or be cut off.
+TEST_F(Interrupt, BySigtermInTheBuildHasItsExitCode) {
+    const std::string scene = folder.write("a.toml", big);
+    EXPECT_EQ(interrupt_in("expanding", {"render", scene, "-o", folder / "a.exr"}, SIGTERM), 143);
+    expect_untouched({"a.exr", "a.toml"});
+}
+
+// timeout(1) sends its signal to the process and again to the group: the second must not break off the save.
+TEST_F(Interrupt, ASecondSigtermDoesNotBreakOffTheSave) {
     const std::string scene = folder.write("a.toml", long_picture);
-    EXPECT_EQ(interrupt_in("rendering", {"render", scene, "-o", folder / "a.png"}, SIGXCPU), 130);
-    expect_untouched({"a.exr", "a.partial.png", "a.png.state.tif", "a.toml"});
+    const pid_t child = ::fork();
+    if (child == 0) {
+        for (const int stream : {STDOUT_FILENO, STDERR_FILENO}) ::dup2(::open("/dev/null", O_WRONLY), stream);
+        run_program({"render", scene, "-o", folder / "a.png", "--preview", folder / "p.png"});
+    }
+    while (!fs::exists(folder / "p.png") && ::waitpid(child, nullptr, WNOHANG) == 0) ::usleep(10'000);
+    ::kill(child, SIGUSR1);
+    for (int i = 0; i < 20; ++i) {
+        ::kill(child, SIGTERM);
+        ::usleep(5'000);
+    }
+    int status = 0;
+    ASSERT_EQ(::waitpid(child, &status, 0), child);
+    EXPECT_EQ(exit_code(status), 128 + SIGUSR1) << "the first signal counts";
+    expect_untouched({"a.exr", "a.partial.png", "a.png.state.tif", "a.toml", "p.png"});
 }
 
 TEST_F(Interrupt, OfManyFramesStopsThemAll) {

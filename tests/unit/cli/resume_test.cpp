@@ -53,7 +53,7 @@ class Resume : public ::testing::Test {
     void interrupt(int redraws, int signal = SIGINT) const {
         EXPECT_EQ(
             interrupt_in("rendering", command("a.exr", {"--spp", endless, "--resume"}), signal, redraws),
-            130);
+            128 + signal);
         EXPECT_TRUE(fs::exists(state));
     }
     void expect_goes_on_to(int samples) const {

@@ -3,7 +3,7 @@
 #include "core/cli/interrupt.h"
 #include "core/cli/memory.h"
 #include "core/cli/output.h"
-#include "core/cli/progress.h"
+#include "core/cli/run_progress.h"
 #include "core/image/atomic_file.h"
 #include "core/image/run_files.h"
 #include "core/math/clock.h"
@@ -61,14 +61,14 @@ void check_outputs(const Shot& shot, const std::vector<double>& frames, const Ba
 
 void print_new(const std::vector<std::string>& warnings, std::set<std::string>& printed) {
     for (const std::string& warning : warnings)
-        if (printed.insert(warning).second) print_message("{}\n", warning);
+        if (printed.insert(warning).second) print_warning(warning);
 }
 
 // What is done with the world of a frame. Returns warnings.
 using WriteFrame = std::function<std::vector<std::string>(const World&)>;
 
-// prefix: of the progress line, "2 of 5: ".
-void build_and_write(Shot& shot, const BakeOptions& options, const std::string& prefix,
+// prefix: of the phases, "again, " or "".
+void build_and_write(Shot& shot, const BakeOptions& options, RunProgress& run, const std::string& prefix,
                      std::set<std::string>& warnings, FrameStats& stats, const WriteFrame& write) {
     const double begin = wall_seconds();
     set_frame(shot, stats.frame);
@@ -78,8 +78,8 @@ void build_and_write(Shot& shot, const BakeOptions& options, const std::string& 
     stats.build = {};
     {
         World world;
-        const ProgressLine line(options.quiet, [&] {
-            return ProgressState{prefix + progress.phase.load(), progress.fraction.load()};
+        const RunProgress::Watch watch(run, [&] {
+            return ProgressState{prefix + run.prefix() + progress.phase.load(), progress.fraction.load()};
         });
         arena.execute(
             [&] { world = build_world(shot.geometry, settings, interrupted(), progress, stats.build); });
@@ -92,29 +92,25 @@ void build_and_write(Shot& shot, const BakeOptions& options, const std::string& 
     release_free_memory();
 }
 
-std::string prefix_of(size_t frame, size_t count) {
-    return count > 1 ? fmt::format("{} of {}: ", frame + 1, count) : "";
-}
-
 void print_output(const std::string& output) {
     print_result("{}\n", output);
     flush_results();
 }
 
 // frames: their numbers and threads; their other statistics are filled in.
-void bake_frames(Shot& shot, const BakeOptions& options, std::set<std::string>& warnings,
+void bake_frames(Shot& shot, const BakeOptions& options, RunProgress& run, std::set<std::string>& warnings,
                  std::vector<FrameStats>& frames, StatsFile& stats_file) {
     std::optional<UsdaSequence> sequence; // the file of all frames
     if (frames.size() > 1 && holds_all_frames(options))
         sequence.emplace(options.output, shot.description.globals.number("fps"));
     for (size_t i = 0; i < frames.size(); ++i) {
+        run.begin_part(i, frames.size());
         const std::string output = numbered(options.output, frames[i].frame);
-        build_and_write(shot, options, prefix_of(i, frames.size()), warnings, frames[i],
-                        [&](const World& world) {
-                            if (!sequence) return write_baked(shot, world, options, output);
-                            sequence->add(world.curves, frames[i].frame);
-                            return std::vector<std::string>();
-                        });
+        build_and_write(shot, options, run, "", warnings, frames[i], [&](const World& world) {
+            if (!sequence) return write_baked(shot, world, options, output);
+            sequence->add(world.curves, frames[i].frame);
+            return std::vector<std::string>();
+        });
         if (!sequence) print_output(output);
         stats_file.add(frames[i]);
     }
@@ -124,18 +120,22 @@ void bake_frames(Shot& shot, const BakeOptions& options, std::set<std::string>& 
 }
 
 // The same for .png files with the range of all frames.
-void bake_height_pictures(Shot& shot, BakeOptions options, std::set<std::string>& warnings,
+void bake_height_pictures(Shot& shot, BakeOptions options, RunProgress& run, std::set<std::string>& warnings,
                           std::vector<FrameStats>& frames, StatsFile& stats_file) {
+    constexpr double built = 0.9; // of the progress: most frames are built once
     HeightSequence heights;
-    for (size_t i = 0; i < frames.size(); ++i)
-        build_and_write(shot, options, prefix_of(i, frames.size()), warnings, frames[i],
-                        [&](const World& world) {
-                            heights.add(world, options.output);
-                            return std::vector<std::string>();
-                        });
+    const size_t count = frames.size();
+    for (size_t i = 0; i < count; ++i) {
+        run.begin_part(i, count, 0.0, built);
+        build_and_write(shot, options, run, "", warnings, frames[i], [&](const World& world) {
+            heights.add(world, options.output);
+            return std::vector<std::string>();
+        });
+    }
     options.range = heights.range();
-    for (size_t i = 0; i < frames.size(); ++i) {
+    for (size_t i = 0; i < count; ++i) {
         if (interrupted()) throw Cancelled{};
+        run.begin_part(i, count, built, 1.0);
         const double begin = wall_seconds();
         const std::string output = numbered(options.output, frames[i].frame);
         const auto write = [&](const World& world) { return write_baked(shot, world, options, output); };
@@ -143,8 +143,7 @@ void bake_height_pictures(Shot& shot, BakeOptions options, std::set<std::string>
             write(*world);
             frames[i].total += wall_seconds() - begin;
         } else {
-            build_and_write(shot, options, "again, " + prefix_of(i, frames.size()), warnings, frames[i],
-                            write);
+            build_and_write(shot, options, run, "again, ", warnings, frames[i], write);
         }
         print_output(output);
         stats_file.add(frames[i]);
@@ -155,6 +154,7 @@ void bake_height_pictures(Shot& shot, BakeOptions options, std::set<std::string>
 
 int bake_command(const BakeOptions& options) {
     check_baked_formats(options);
+    RunProgress run(options.quiet, 1.0);
     const double begin = wall_seconds();
     Shot shot = open_shot(options, false);
     const double load_seconds = wall_seconds() - begin;
@@ -175,10 +175,11 @@ int bake_command(const BakeOptions& options) {
     stats[0].total = wall_seconds() - begin;
     StatsFile stats_file(options.stats);
     if (frames.size() > 1 && extension_of(options.output) == ".png" && !options.range)
-        bake_height_pictures(shot, options, warnings, stats, stats_file);
+        bake_height_pictures(shot, options, run, warnings, stats, stats_file);
     else
-        bake_frames(shot, options, warnings, stats, stats_file);
+        bake_frames(shot, options, run, warnings, stats, stats_file);
     stats_file.finish();
+    run.finish();
     return 0;
 }
 

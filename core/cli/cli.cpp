@@ -3,9 +3,11 @@
 
 #include "core/cli/commands.h"
 #include "core/cli/exit_codes.h"
+#include "core/cli/farm_options.h"
 #include "core/cli/interrupt.h"
 #include "core/cli/memory.h"
 #include "core/cli/output.h"
+#include "core/cli/run_progress.h"
 #include "core/scene/suggest.h"
 
 #include <CLI/CLI.hpp>
@@ -143,6 +145,7 @@ void add_render(CLI::App& app, Commands& c) {
     c.render.overrides.makes_pictures = true;
     add_scene(*command, c.render);
     add_stats(*command, c.render);
+    add_progress(*command);
     command->add_option("-o,--output", c.render.output, "picture, .exr or .png; #### stands for the frame")
         ->type_name("FILE")
         ->capture_default_str()
@@ -239,6 +242,7 @@ void add_bake(CLI::App& app, Commands& c) {
     CLI::App* command = app.add_subcommand("bake", "write a scene's strands, terrain or rock to a file");
     add_scene(*command, c.bake);
     add_stats(*command, c.bake);
+    add_progress(*command);
     command
         ->add_option(
             "-o,--output", c.bake.output,
@@ -450,6 +454,7 @@ void add_man(CLI::App& app, Commands& c) {
 
 int report(const InputError& error) {
     print_problems(error.problems);
+    report_failure(error.what());
     return exit_bad_input;
 }
 
@@ -481,9 +486,9 @@ int threads_of(const CommonOptions& options) {
 }
 
 void print_warnings(const Shot& shot, bool uses_lights) {
-    for (const std::string& warning : warnings_of(shot)) print_message("{}\n", warning);
+    for (const std::string& warning : warnings_of(shot)) print_warning(warning);
     for (const std::string& warning : light_warnings_of(shot))
-        if (uses_lights) print_message("{}\n", warning);
+        if (uses_lights) print_warning(warning);
 }
 
 Shot open_shot(const CommonOptions& options, bool uses_lights) {
@@ -508,6 +513,8 @@ int run(int argc, char** argv) {
     add_sheet(app, commands);
     add_completion(app, commands);
     add_man(app, commands);
+    add_log(app);
+    set_message_options(argc, argv);
     try {
         check_command(app, argc, argv);
         std::vector<char*> arguments(argv, argv + argc);

@@ -2,6 +2,7 @@
 #include "core/cli/memory.h"
 
 #include "core/cli/exit_codes.h"
+#include "core/cli/output.h"
 
 #include "core/image/atomic_file.h"
 
@@ -24,10 +25,6 @@
 namespace marram {
 namespace {
 
-void say(const char* text) {
-    if (::write(STDERR_FILENO, text, std::strlen(text)) < 0) return; // nobody listens
-}
-
 bool has_room_for(size_t bytes) {
     void* at = ::mmap(nullptr, bytes, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
     if (at == MAP_FAILED) return false;
@@ -49,7 +46,7 @@ bool threads_are_short() {
 }
 
 [[noreturn]] void end_with(const char* text) {
-    say(text);
+    write_error_without_memory(text);
     remove_temporary_files();
     _exit(exit_bad_input);
 }
@@ -61,7 +58,7 @@ void check_stack() {
     if (::getrlimit(RLIMIT_STACK, &limit) != 0 || limit.rlim_cur >= enough) return;
     limit.rlim_cur = std::min(limit.rlim_max, enough);
     if (limit.rlim_cur < enough || ::setrlimit(RLIMIT_STACK, &limit) != 0)
-        end_with("marram: the stack is limited to less than 1 MiB: allow more, such as by ulimit -s 8192\n");
+        end_with("marram: the stack is limited to less than 1 MiB: allow more, such as by ulimit -s 8192");
     pthread_attr_t defaults;
     if (pthread_attr_init(&defaults) != 0) return;
     pthread_attr_setstacksize(&defaults, enough);
@@ -74,11 +71,10 @@ void check_stack() {
         if (std::current_exception()) std::rethrow_exception(std::current_exception());
     } catch (const std::exception& error) {
         if (is_lack_of_memory(error)) end_for_lack_of_memory_or_threads();
-        say(error.what());
+        write_error_without_memory(error.what());
     } catch (...) {
     }
     if (memory_is_short()) end_for_lack_of_memory();
-    say("\n");
     std::abort();
 }
 
@@ -93,13 +89,13 @@ void on_crash(int signal) {
 void end_for_lack_of_memory() {
     end_with(
         "marram: the process has run out of memory: use fewer strands, CVs, motion keys, pixels or threads, "
-        "or allow it more memory\n");
+        "or allow it more memory");
 }
 
 void end_for_lack_of_memory_or_threads() {
     if (threads_are_short())
         end_with("marram: no thread can be started: raise the limit on processes (ulimit -u, or that of the "
-                 "container)\n");
+                 "container)");
     end_for_lack_of_memory();
 }
 

@@ -5,9 +5,15 @@
 
 #include "core/math/problem.h"
 
+#include <fmt/format.h>
+#include <nlohmann/json.hpp>
+
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <cerrno>
+#include <charconv>
+#include <chrono>
 #include <csignal>
 #include <cstdio>
 #include <cstring>
@@ -18,6 +24,7 @@
 namespace marram {
 namespace {
 
+std::atomic<LogFormat> format_of_messages{LogFormat::text};
 std::atomic<int> result_error{0};   // errno of the first failed write of a result
 bool reader_may_leave = false;      // SIGPIPE was not ignored by who started the program
 constexpr size_t max_problems = 50; // printed; the rest is a count
@@ -27,7 +34,70 @@ void keep_error() {
     result_error.compare_exchange_strong(none, errno != 0 ? errno : EIO);
 }
 
+using TimeText = std::array<char, 64>;
+
+// Allocates nothing: gmtime() would read the time zone first.
+TimeText now_as_text() {
+    using namespace std::chrono;
+    const auto now = floor<milliseconds>(system_clock::now());
+    const auto day = floor<days>(now);
+    const year_month_day date(day);
+    const hh_mm_ss time(now - day);
+    TimeText text{};
+    std::snprintf(text.data(), text.size(), "%04d-%02u-%02uT%02d:%02d:%02d.%03dZ", int(date.year()),
+                  unsigned(date.month()), unsigned(date.day()), int(time.hours().count()),
+                  int(time.minutes().count()), int(time.seconds().count()), int(time.subseconds().count()));
+    return text;
+}
+
+// Takes ":digits" from the end of the text. 0: there are none.
+int take_number_at_end(std::string_view& text) {
+    const size_t colon = text.rfind(':');
+    if (colon == std::string_view::npos || colon == 0) return 0;
+    const std::string_view digits = text.substr(colon + 1);
+    int number = 0;
+    const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), number);
+    if (error != std::errc{} || end != digits.data() + digits.size() || number <= 0) return 0;
+    text = text.substr(0, colon);
+    return number;
+}
+
+// The place that a message begins with. A name without a line is not taken for one: it may be a sentence.
+Place place_at_begin(std::string_view line) {
+    std::string_view text = line.substr(0, line.find(": "));
+    const int last = take_number_at_end(text), first = take_number_at_end(text);
+    if (last == 0) return {};
+    if (first == 0) return {std::string(text), last, 0};
+    return {std::string(text), first, last};
+}
+
+std::string as_json(LogLevel level, const std::string& id, const Place& place,
+                    std::initializer_list<std::pair<const char*, std::string_view>> texts) {
+    constexpr std::array levels = {"info", "warning", "error"};
+    nlohmann::ordered_json object = {
+        {"time", time_text()}, {"level", levels[size_t(level)]}, {"id", id}, {"file", place.file},
+        {"line", place.line},  {"column", place.column}};
+    for (const auto& [name, text] : texts) object[name] = text;
+    return object.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
+}
+
+// In one piece, so that lines of several threads do not mix.
+void write_line(std::string line) {
+    line += '\n';
+    draw(line);
+}
+
+void write_problem(LogLevel level, const Problem& problem) {
+    if (log_format() != LogFormat::json) return write_message(level, to_string(problem));
+    write_line(as_json(level, problem.id, problem.place, {{"what", problem.what}, {"fix", problem.fix}}));
+}
+
 } // namespace
+
+void set_log_format(LogFormat format) { format_of_messages = format; }
+LogFormat log_format() { return format_of_messages; }
+
+std::string time_text() { return now_as_text().data(); }
 
 void open_standard_streams() {
     for (int wanted = STDIN_FILENO; wanted <= STDERR_FILENO; ++wanted) {
@@ -41,7 +111,40 @@ void open_standard_streams() {
     }
 }
 
-void write_message(std::string_view text) { (void)std::fwrite(text.data(), 1, text.size(), stderr); }
+void draw(std::string_view text) { (void)std::fwrite(text.data(), 1, text.size(), stderr); }
+
+void write_message(LogLevel level, std::string_view line) {
+    if (line.ends_with('\n')) line.remove_suffix(1);
+    switch (log_format()) {
+    case LogFormat::text:
+        return write_line(std::string(line));
+    case LogFormat::time:
+        return write_line(fmt::format("{} {}", now_as_text().data(), line));
+    case LogFormat::json:
+        return write_line(as_json(level, "", place_at_begin(line), {{"text", line}}));
+    }
+}
+
+void write_error_without_memory(const char* line) {
+    std::array<char, 800> safe{};
+    const LogFormat format = log_format();
+    for (size_t i = 0; i + 1 < safe.size() && line[i] != 0; ++i) {
+        const char c = line[i];
+        const bool would_end_it = c == '"' || c == '\\' || static_cast<unsigned char>(c) < 32;
+        safe[i] = format == LogFormat::json && would_end_it ? '\'' : c;
+    }
+    std::array<char, 1024> text{};
+    if (format == LogFormat::text)
+        std::snprintf(text.data(), text.size(), "%s\n", safe.data());
+    else if (format == LogFormat::time)
+        std::snprintf(text.data(), text.size(), "%s %s\n", now_as_text().data(), safe.data());
+    else
+        std::snprintf(text.data(), text.size(),
+                      R"({"time":"%s","level":"error","id":"","file":"","line":0,"column":0,"text":"%s"})"
+                      "\n",
+                      now_as_text().data(), safe.data());
+    if (::write(STDERR_FILENO, text.data(), std::strlen(text.data())) < 0) return; // nobody listens
+}
 
 void write_result(std::string_view text) {
     errno = 0;
@@ -50,10 +153,11 @@ void write_result(std::string_view text) {
 
 void print_problems(const std::vector<Problem>& problems) {
     for (size_t i = 0; i < std::min(problems.size(), max_problems); ++i)
-        print_message("{}\n", to_string(problems[i]));
+        write_problem(LogLevel::error, problems[i]);
     if (problems.size() > max_problems)
-        print_message("marram: {} more mistakes: correct those above first\n",
-                      problems.size() - max_problems);
+        write_problem(LogLevel::error, {{"marram"},
+                                        fmt::format("{} more mistakes", problems.size() - max_problems),
+                                        "correct those above first"});
 }
 
 void keep_running_without_reader() { reader_may_leave = std::signal(SIGPIPE, SIG_IGN) != SIG_IGN; }

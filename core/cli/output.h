@@ -6,6 +6,7 @@
 
 #include <fmt/format.h>
 
+#include <string>
 #include <string_view>
 #include <vector>
 
@@ -13,21 +14,43 @@ namespace marram {
 
 struct Problem;
 
+enum class LogFormat { text, time, json };
+enum class LogLevel { info, warning, error };
+
+// How messages are written from this call on: as lines of text, as such lines with the time before them, or as
+// one JSON object a line: time (RFC 3339, UTC), level, id, file, line, column, and either what and fix of a
+// Problem, or text. An id or place that a message has not is "" or 0.
+void set_log_format(LogFormat format);
+LogFormat log_format();
+
+// The time of a message: "2026-11-30T15:56:58.123Z".
+std::string time_text();
+
 // Opens those of the descriptors 0, 1 and 2 that are closed. Otherwise the next file that the program opens
 // gets the number, and what is printed ends up in it. Uses only system calls, so it may run before all
 // initialisers.
 void open_standard_streams();
 
-// Writes to standard error. A failed write (a full disk, a closed pipe) is ignored.
-void write_message(std::string_view text);
+// Writes a message, one line without its end, to standard error. A failed write (a full disk, a closed pipe) is
+// ignored. A text that begins with a place, "file:line:column: ", has it in the JSON object as well.
+void write_message(LogLevel level, std::string_view line);
+
+// The same for the message of a lack of memory: nothing is allocated.
+void write_error_without_memory(const char* line);
+
+// Draws on the terminal: no message, so it has no format.
+void draw(std::string_view text);
 
 // Writes to standard output. A failed write is reported by check_results() at the end.
 void write_result(std::string_view text);
 
+// Writes what is worth knowing. The end of the line may be part of the format.
 template <typename... T>
 void print_message(fmt::format_string<T...> format, T&&... values) {
-    write_message(fmt::format(format, std::forward<T>(values)...));
+    write_message(LogLevel::info, fmt::format(format, std::forward<T>(values)...));
 }
+
+inline void print_warning(std::string_view line) { write_message(LogLevel::warning, line); }
 
 template <typename... T>
 void print_result(fmt::format_string<T...> format, T&&... values) {

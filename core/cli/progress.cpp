@@ -27,7 +27,7 @@ std::string time_left(double elapsed, double fraction_done, double fraction) {
 } // namespace
 
 ProgressLine::ProgressLine(bool quiet, std::function<ProgressState()> ask) : ask_(std::move(ask)) {
-    if (quiet || !isatty(STDERR_FILENO)) return;
+    if (quiet || log_format() == LogFormat::json || !isatty(STDERR_FILENO)) return;
     thread_ = std::jthread([this](const std::stop_token& stop) {
         using Clock = std::chrono::steady_clock;
         std::string phase;
@@ -43,11 +43,12 @@ ProgressLine::ProgressLine(bool quiet, std::function<ProgressState()> ask) : ask
             const double fraction = std::clamp(state.fraction, 0.0, 1.0);
             const int full = int(fraction * bar_width);
             const double elapsed = std::chrono::duration<double>(Clock::now() - begin).count();
-            print_message("\r\033[K{:<20} [{:#<{}}{:.<{}}] {:3.0f} %  {}", phase, "", full, "",
-                          bar_width - full, 100.0 * fraction, time_left(elapsed, fraction - first, fraction));
+            draw(fmt::format("\r\033[K{:<20} [{:#<{}}{:.<{}}] {:3.0f} %  {}", phase, "", full, "",
+                             bar_width - full, 100.0 * fraction,
+                             time_left(elapsed, fraction - first, fraction)));
             std::this_thread::sleep_for(interval);
         }
-        print_message("\r\033[K");
+        draw("\r\033[K");
     });
 }
 

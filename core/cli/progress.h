@@ -10,7 +10,8 @@ namespace marram {
 
 struct ProgressState {
     std::string phase;
-    double fraction = 0.0; // of the phase
+    double fraction = 0.0;    // of the phase
+    bool of_the_rest = false; // the phase takes what the build leaves of a frame
 };
 
 // Redraws one line on stderr ten times a second with bar, percentage and time left, until it is destroyed.

@@ -4,7 +4,7 @@
 #include "core/cli/interrupt.h"
 #include "core/cli/memory.h"
 #include "core/cli/output.h"
-#include "core/cli/progress.h"
+#include "core/cli/run_progress.h"
 #include "core/cli/scene_watch.h"
 #include "core/image/atomic_file.h"
 #include "core/image/image_library.h"
@@ -90,7 +90,7 @@ void warn_of_unwritten_layers(const Shot& shot, const RenderOptions& options) {
         aovs->place,
         fmt::format("film.aovs: not written: {}: a PNG holds the picture alone", fmt::join(unwritten, ", ")),
         "write an .exr, or a layer to a file of its own with --png", ""};
-    print_message("{}\n", to_string(problem));
+    print_warning(to_string(problem));
 }
 
 // Checks layers and materials before anything is built.
@@ -101,7 +101,7 @@ void check_contents(const Shot& shot, const RenderOptions& options, size_t frame
         throw InputError({"--aov " + options.layers.front()}, "a PNG holds the picture alone",
                          "write an .exr, or the layer to a file of its own with --png");
     warn_of_unwritten_layers(shot, options);
-    for (const std::string& warning : check_materials(shot)) print_message("{}\n", warning);
+    for (const std::string& warning : check_materials(shot)) print_warning(warning);
 }
 
 // The layers that the film needs besides the scene's.
@@ -117,13 +117,13 @@ std::vector<std::string> more_layers(const Shot& shot, const RenderOptions& opti
 ProgressState state_of(const FrameProgress& progress, const std::string& prefix) {
     const uint64_t samples = progress.samples.load();
     if (samples > 0)
-        return {prefix + "rendering", double(progress.render.samples_done.load()) / double(samples)};
+        return {prefix + "rendering", double(progress.render.samples_done.load()) / double(samples), true};
     return {prefix + progress.build.phase.load(), progress.build.fraction.load()};
 }
 
 void save(Frame& frame, Preview& preview, const RenderOptions& options) {
     const RenderStats& render = frame.stats.render;
-    for (const std::string& warning : render_warnings(frame)) print_message("{}\n", warning);
+    for (const std::string& warning : render_warnings(frame)) print_warning(warning);
     if (render.clamped_fraction > 0.0 && !options.quiet)
         print_message("{}: film.clamp took {:.2g} % of the light\n", frame.files.picture,
                       100.0 * render.clamped_fraction);
@@ -132,15 +132,16 @@ void save(Frame& frame, Preview& preview, const RenderOptions& options) {
     if (!options.watch || render.cancelled) print_result("{}\n", saved.picture);
     flush_results();
     if (!saved.state_error.empty())
-        print_message("{}\n{}: --resume will start this frame again\n", saved.state_error,
-                      frame.files.picture);
+        for (const std::string& line :
+             {saved.state_error, frame.files.picture + ": --resume will start this frame again"})
+            print_warning(line);
     if (saved.whole) remove_unfinished(frame.files, options.keep_state);
     if (!render.cancelled) preview.finish();
-    if (!preview.fault().empty()) print_message("{}\n", preview.fault());
+    if (!preview.fault().empty()) print_warning(preview.fault());
 }
 
 void print_fault(Display& display) {
-    if (const std::string fault = display.take_fault(); !fault.empty()) print_message("{}\n", fault);
+    if (const std::string fault = display.take_fault(); !fault.empty()) print_warning(fault);
 }
 
 // Waits for what the viewer has not taken yet of the last picture.
@@ -152,10 +153,10 @@ void finish(std::optional<Display>& display) {
 
 // Renders one frame to its files. kept: geometry kept from frame to frame. exit_blocker: set from the start
 // of tracing, so that an interrupt does not prevent saving. What a saved scene has stopped is left.
-void render_frame(Frame& frame, KeptGeometry& kept, const std::string& prefix, const RenderOptions& options,
+void render_frame(Frame& frame, KeptGeometry& kept, RunProgress& run, const RenderOptions& options,
                   std::optional<ExitBlocker>& exit_blocker, std::optional<Display>& display) {
     Preview preview(frame.files.preview.empty() ? std::function<void()>() : [&] { save_preview(frame); });
-    const auto state = [&] { return state_of(frame.progress, prefix); };
+    const auto state = [&] { return state_of(frame.progress, run.prefix()); };
     std::optional<FilmDisplay> shown;
     if (display) {
         shown.emplace(*display, options.output); // all frames in one image
@@ -163,22 +164,25 @@ void render_frame(Frame& frame, KeptGeometry& kept, const std::string& prefix, c
     }
     std::optional<World> world;
     {
-        const ProgressLine line(options.quiet, state);
+        const RunProgress::Watch watch(run, state);
         world = build_frame(frame, std::exchange(kept, {}));
     }
     const ResumedFrame resumed = resume_frame(frame);
-    if (!resumed.message.empty() && (resumed.refused || !options.quiet))
-        print_message("{}\n", resumed.message);
+    if (resumed.refused)
+        print_warning(resumed.message);
+    else if (!resumed.message.empty() && !options.quiet)
+        print_message("{}", resumed.message);
     if (display) print_fault(*display);
     exit_blocker.emplace();
     {
-        const ProgressLine line(options.quiet, state);
+        const RunProgress::Watch watch(run, state);
         trace_frame(frame, *world, preview);
     }
     kept = kept_geometry(*std::move(world)); // free the rest: saving may need the memory
     world.reset();
     const bool cancelled = frame.stats.render.cancelled;
     if (cancelled && !interrupted()) return;
+    run.phase("saving");
     save(frame, preview, options); // first: it needs less memory
     if (shown && !cancelled) shown->show(frame.film);
     if (display) print_fault(*display);
@@ -218,6 +222,7 @@ constexpr const char* waits = "waiting for the scene or a file of it to be saved
 
 // Reads the scene and renders its frame. False: an interrupt stopped it.
 bool render_watched(SceneWatch& watch, const RenderOptions& options, int threads) {
+    RunProgress run(options.quiet);
     const double begin = wall_seconds();
     Shot& shot = watch.load();
     print_warnings(shot);
@@ -231,10 +236,11 @@ bool render_watched(SceneWatch& watch, const RenderOptions& options, int threads
     KeptGeometry kept;
     std::optional<Display> display;
     if (options.display) display.emplace(*options.display);
+    run.begin_part(0, 1);
     std::optional<ExitBlocker> exit_blocker;
     tbb::task_arena(threads).execute([&] {
         Frame frame{shot, plan.options, files, layer_names(shot, plan.options.layers), watch.stop(), stats};
-        render_frame(frame, kept, "", options, exit_blocker, display);
+        render_frame(frame, kept, run, options, exit_blocker, display);
     });
     const bool cancelled = stats.render.cancelled;
     if (cancelled && !interrupted()) return true;
@@ -244,6 +250,7 @@ bool render_watched(SceneWatch& watch, const RenderOptions& options, int threads
     finish(display);
     print_result("{}: written, {:.2f} s; {}\n", files.picture, stats.total, waits);
     flush_results();
+    run.finish();
     return true;
 }
 
@@ -276,6 +283,7 @@ int render_command(const RenderOptions& options) {
     const int threads = threads_of(options);
     const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, size_t(threads));
     if (options.watch) return watch_scene(options, threads);
+    RunProgress run(options.quiet);
     const double begin = wall_seconds();
     Shot shot = open_shot(options);
     const double load_seconds = wall_seconds() - begin;
@@ -293,9 +301,7 @@ int render_command(const RenderOptions& options) {
             if (!options.quiet) print_message("{}: is there already\n", there);
             continue;
         }
-        const auto number = &files - plan.frames.data() + 1;
-        const std::string prefix =
-            plan.frames.size() > 1 ? fmt::format("{} of {}: ", number, plan.frames.size()) : "";
+        run.begin_part(size_t(&files - plan.frames.data()), plan.frames.size());
         FrameStats stats;
         stats.frame = files.frame;
         stats.threads = threads;
@@ -304,7 +310,7 @@ int render_command(const RenderOptions& options) {
         arena.execute([&] {
             Frame frame{shot,          plan.options, files, layer_names(shot, plan.options.layers),
                         interrupted(), stats};
-            render_frame(frame, kept, prefix, options, exit_blocker, display);
+            render_frame(frame, kept, run, options, exit_blocker, display);
         });
         stats_file.add(stats);
         if (stats.render.cancelled) {
@@ -315,6 +321,7 @@ int render_command(const RenderOptions& options) {
     }
     stats_file.finish();
     finish(display);
+    run.finish();
     return 0;
 }
 

@@ -45,7 +45,7 @@ int sheet_command(const SheetOptions& options) {
             done = i;
         });
     }
-    if (!warning.empty()) print_message("{}\n", warning);
+    if (!warning.empty()) print_warning(warning);
     print_result("{}\n", options.output);
     return 0;
 }

@@ -1,0 +1,85 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "core/cli/farm_options.h"
+
+#include "core/cli/output.h"
+#include "core/cli/run_progress.h"
+
+#include <CLI/CLI.hpp>
+
+#include <array>
+#include <string>
+#include <string_view>
+#include <utility>
+
+namespace marram {
+namespace {
+
+constexpr std::array<std::pair<const char*, LogFormat>, 3> log_formats = {
+    {{"text", LogFormat::text}, {"time", LogFormat::time}, {"json", LogFormat::json}}};
+
+constexpr std::array<std::pair<const char*, ProgressStyle>, 6> progress_styles = {
+    {{"auto", ProgressStyle::automatic},
+     {"plain", ProgressStyle::plain},
+     {"openjd", ProgressStyle::openjd},
+     {"alf", ProgressStyle::alf},
+     {"json", ProgressStyle::json},
+     {"none", ProgressStyle::none}}};
+
+template <typename Choices>
+std::vector<std::string> names_of(const Choices& choices) {
+    std::vector<std::string> names;
+    for (const auto& [name, value] : choices) names.emplace_back(name);
+    return names;
+}
+
+// set: called with the value of `option` if the command line has it as "OPTION VALUE" or "OPTION=VALUE".
+template <typename Choices, typename Set>
+void find_option(int argc, const char* const* argv, std::string_view option, const Choices& choices,
+                 Set set) {
+    for (int i = 1; i < argc; ++i) {
+        std::string_view value = argv[i];
+        if (!value.starts_with(option)) continue;
+        value.remove_prefix(option.size());
+        if (value.empty() && i + 1 < argc)
+            value = argv[i + 1];
+        else if (value.starts_with('='))
+            value.remove_prefix(1);
+        else
+            continue;
+        for (const auto& [name, choice] : choices)
+            if (value == name) set(choice);
+    }
+}
+
+} // namespace
+
+void set_message_options(int argc, const char* const* argv) {
+    find_option(argc, argv, "--log", log_formats, set_log_format);
+    find_option(argc, argv, "--progress", progress_styles, set_progress_style);
+}
+
+void add_log(CLI::App& program) {
+    for (CLI::App* command : program.get_subcommands({}))
+        command
+            ->add_option_function<std::string>(
+                "--log", [](const std::string&) {}, // set_message_options() has taken it
+                "messages on stderr as lines of text, such lines with the time (UTC) before them, or a JSON "
+                "object a line: time, level, id, file, line, column, and what and fix of a mistake, else "
+                "text")
+            ->check(CLI::IsMember(names_of(log_formats)))
+            ->default_str("text");
+}
+
+void add_progress(CLI::App& command) {
+    command
+        .add_option_function<std::string>(
+            "--progress", [](const std::string&) {},
+            "progress of the whole run; auto: a line on a terminal; the others on stdout, at least every 10 "
+            "s, also while a frame is built: a percentage (plain), openjd_progress and openjd_status lines, "
+            "ALF_PROGRESS lines, or a JSON object a line; frames count alike, of each the build is the first "
+            "tenth; 100 % is printed when the last file is closed")
+        ->check(CLI::IsMember(names_of(progress_styles)))
+        ->default_str("auto");
+}
+
+} // namespace marram

@@ -1,0 +1,23 @@
+// SPDX-License-Identifier: Apache-2.0
+// Options for programs that start and watch this one: render farms, batch systems, scripts.
+#pragma once
+
+namespace CLI {
+class App;
+}
+
+namespace marram {
+
+struct FrameRequest;
+
+// --log of every command of the program. Call it after the commands have been added.
+void add_log(CLI::App& program);
+
+// --progress of a command.
+void add_progress(CLI::App& command);
+
+// Takes --log and --progress from the command line before it is parsed: the mistakes of the others are
+// messages, too. Values that do not exist are left to the parser.
+void set_message_options(int argc, const char* const* argv);
+
+} // namespace marram

@@ -159,10 +159,16 @@ int bake_command(const BakeOptions& options) {
     Shot shot = open_shot(options, false);
     const double load_seconds = wall_seconds() - begin;
     const Vec2d range = shot.description.globals.vec2("frames");
-    const std::vector<double> frames = frames_to_bake(options, range);
+    std::vector<double> frames = frames_to_bake(options, range);
+    if (const std::string skipped = skip_frames_outside(frames, options.frames, range); !skipped.empty())
+        print_message("{}", skipped);
     check_outputs(shot, frames, options);
     check_baked_strands(shot, options);
     check_baked_attributes(shot, options.attributes);
+    if (frames.empty()) { // skipped
+        run.finish();
+        return exit_done;
+    }
     const int threads = threads_of(options);
     const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, size_t(threads));
     std::set<std::string> warnings; // already printed; each is printed once

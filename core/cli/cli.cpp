@@ -137,8 +137,8 @@ struct Commands {
 };
 
 constexpr const char* frames_help =
-    "frames and ranges, a step after an x, such as 1-24 or 1-100x5,120; default: those of the scene where "
-    "the output has a #### for their numbers, else its first";
+    "frames and ranges, a step after an x, such as 1-24 or 1-100x5,120; after a y the frames that this step "
+    "leaves out; default: those of the scene where the output has a #### for their numbers, else its first";
 
 void add_render(CLI::App& app, Commands& c) {
     CLI::App* command = app.add_subcommand("render", "render a scene to pictures");
@@ -146,6 +146,7 @@ void add_render(CLI::App& app, Commands& c) {
     add_scene(*command, c.render);
     add_stats(*command, c.render);
     add_progress(*command);
+    add_frame_lists(*command, c.render.frames);
     command->add_option("-o,--output", c.render.output, "picture, .exr or .png; #### stands for the frame")
         ->type_name("FILE")
         ->capture_default_str()
@@ -243,6 +244,7 @@ void add_bake(CLI::App& app, Commands& c) {
     add_scene(*command, c.bake);
     add_stats(*command, c.bake);
     add_progress(*command);
+    add_frame_lists(*command, c.bake.frames);
     command
         ->add_option(
             "-o,--output", c.bake.output,
@@ -256,9 +258,9 @@ void add_bake(CLI::App& app, Commands& c) {
                                           "frame, also a fraction of one; default: the scene's first")
                              ->check(number_between(-latest_frame, latest_frame));
     command
-        ->add_option(
-            "--frames", c.bake.frames.list,
-            "several frames, such as 1-24 or 1-100x5,120; #### in a file's name stands for the frame")
+        ->add_option("--frames", c.bake.frames.list,
+                     "several frames, such as 1-24, 1-100x5,120 or 1-100y5 (those that 1-100x5 leaves out); "
+                     "#### in a file's name stands for the frame")
         ->type_name("LIST")
         ->excludes(frame);
     command

@@ -3,6 +3,7 @@
 
 #include "core/cli/output.h"
 #include "core/cli/run_progress.h"
+#include "core/shot/frame_list.h"
 
 #include <CLI/CLI.hpp>
 
@@ -17,6 +18,12 @@ namespace {
 constexpr std::array<std::pair<const char*, LogFormat>, 3> log_formats = {
     {{"text", LogFormat::text}, {"time", LogFormat::time}, {"json", LogFormat::json}}};
 
+constexpr std::array<std::pair<const char*, FrameDialect>, 4> frame_dialects = {
+    {{"marram", FrameDialect::marram},
+     {"opencue", FrameDialect::opencue},
+     {"openjd", FrameDialect::openjd},
+     {"fileseq", FrameDialect::fileseq}}};
+
 constexpr std::array<std::pair<const char*, ProgressStyle>, 6> progress_styles = {
     {{"auto", ProgressStyle::automatic},
      {"plain", ProgressStyle::plain},
@@ -30,6 +37,15 @@ std::vector<std::string> names_of(const Choices& choices) {
     std::vector<std::string> names;
     for (const auto& [name, value] : choices) names.emplace_back(name);
     return names;
+}
+
+// The choice of this name. The parser has checked that there is one.
+template <typename Choices>
+auto choice_of(const Choices& choices, const std::string& name) {
+    auto found = choices.front().second;
+    for (const auto& [known, value] : choices)
+        if (name == known) found = value;
+    return found;
 }
 
 // set: called with the value of `option` if the command line has it as "OPTION VALUE" or "OPTION=VALUE".
@@ -80,6 +96,20 @@ void add_progress(CLI::App& command) {
             "tenth; 100 % is printed when the last file is closed")
         ->check(CLI::IsMember(names_of(progress_styles)))
         ->default_str("auto");
+}
+
+void add_frame_lists(CLI::App& command, FrameRequest& frames) {
+    command
+        .add_option_function<std::string>(
+            "--frames-dialect",
+            [&frames](const std::string& name) { frames.dialect = choice_of(frame_dialects, name); },
+            "how --frames reads 1-10:2: as a step (openjd), frames in an interleaved order (opencue) or a "
+            "staggered one (fileseq), all frames of the range; ranges may go backwards in these: 10-1x-3")
+        ->check(CLI::IsMember(names_of(frame_dialects)))
+        ->default_str("marram");
+    command.add_flag("--skip-outside", frames.skip_outside,
+                     "leave out frames that are not in the scene's range, with a line; if none is left, "
+                     "nothing is written, and the exit code is 0");
 }
 
 } // namespace marram

@@ -195,9 +195,11 @@ struct Plan {
 };
 
 Plan plan_of(const Shot& shot, const RenderOptions& options) {
-    const std::vector<double> frames =
-        frames_to_make(options.frames, shot.description.globals.vec2("frames"), options.output);
-    if (options.watch && frames.size() > 1)
+    const Vec2d range = shot.description.globals.vec2("frames");
+    std::vector<double> frames = frames_to_make(options.frames, range, options.output);
+    if (const std::string skipped = skip_frames_outside(frames, options.frames, range); !skipped.empty())
+        print_message("{}", skipped);
+    if (options.watch && frames.size() != 1)
         throw InputError({"--watch"}, fmt::format("it renders one frame, and these are {}", frames.size()),
                          "say which with --frame");
     check_contents(shot, options, frames.size());

@@ -124,7 +124,7 @@ TEST(Completion, BashCompletes) {
     const Words all = bash.complete({""});
     for (const std::string& command : commands) EXPECT_TRUE(has(all, command)) << command;
     // Options, and the commands that they belong to.
-    EXPECT_EQ(bash.complete({"render", "--fra"}), (Words{"--frame", "--frames"}));
+    EXPECT_EQ(bash.complete({"render", "--fra"}), (Words{"--frame", "--frames", "--frames-dialect"}));
     EXPECT_EQ(bash.complete({"compare", "--fra"}), Words{});
     EXPECT_EQ(bash.complete({"bake", "--stage", ""}), (Words{"bent", "final", "rest"}));
     EXPECT_EQ(bash.complete({"bake", "--stage", "=", "fi"}), Words{"final"});

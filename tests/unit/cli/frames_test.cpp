@@ -79,6 +79,104 @@ TEST(FrameList, SaysWhatIsWrongAndWhere) {
     EXPECT_EQ(parse_frames("1-1000000").size(), 1'000'000u);
 }
 
+TEST(FrameList, HasFramesThatAStepLeavesOut) {
+    EXPECT_EQ(parse_frames("1-10y3"), (Frames{2, 3, 5, 6, 8, 9}));
+    EXPECT_EQ(parse_frames("1-10y3,1-10x3"), (Frames{2, 3, 5, 6, 8, 9, 1, 4, 7, 10}));
+    EXPECT_EQ(parse_frames("-3-3y2"), (Frames{-2, 0, 2}));
+    EXPECT_CONTAINS(refusal_of("1-10y1"), "the step of 1-10y1 leaves no frame out: A-ByN has");
+    EXPECT_CONTAINS(refusal_of("5-5y2"), "leaves no frame out");
+    EXPECT_CONTAINS(refusal_of("1-10y1.5"), "after 'y' a whole number is needed (character 6)");
+    EXPECT_CONTAINS(refusal_of("1-10y0"), "the step is not above 0 (character 6)");
+    EXPECT_CONTAINS(refusal_of("5y3"), "a step belongs to a range (character 2)");
+}
+
+TEST(FrameList, MayBePadded) {
+    EXPECT_EQ(parse_frames("0001-0003,-0002,00"), (Frames{1, 2, 3, -2, 0}));
+    EXPECT_EQ(parse_frames("-0003--0001"), (Frames{-3, -2, -1}));
+}
+
+// What others write means what it means to them, once it is said who they are.
+TEST(FrameList, HasDialects) {
+    const auto frames = [](const std::string& list, FrameDialect dialect) {
+        return parse_frames(list, "--frames", dialect);
+    };
+    using enum FrameDialect;
+    EXPECT_EQ(frames("1-10:5", opencue), (Frames{1, 6, 2, 4, 8, 10, 3, 5, 7, 9}))
+        << "as its documentation has it";
+    EXPECT_EQ(frames("1-10:2", opencue), (Frames{1, 3, 5, 7, 9, 2, 4, 6, 8, 10}));
+    EXPECT_EQ(frames("10-1x-3", opencue), (Frames{10, 7, 4, 1}));
+    EXPECT_EQ(frames("10-1y-3", opencue), (Frames{9, 8, 6, 5, 3, 2}));
+    EXPECT_EQ(frames("3-1", opencue), (Frames{3, 2, 1}));
+    EXPECT_EQ(frames("4-1:-2", opencue), (Frames{4, 2, 3, 1}));
+    EXPECT_EQ(frames("1-10:2", openjd), (Frames{1, 3, 5, 7, 9}));
+    EXPECT_EQ(frames("10-1:-4", openjd), (Frames{10, 6, 2}));
+    EXPECT_EQ(frames("1-3,10-12:2", openjd), (Frames{1, 2, 3, 10, 12}));
+    EXPECT_EQ(frames("1-10:3", fileseq), (Frames{1, 4, 7, 10, 3, 5, 9, 2, 6, 8}));
+    EXPECT_EQ(frames("1-3:1000000000", fileseq), (Frames{1, 3, 2}));
+    EXPECT_EQ(frames("1-1000000:1000", opencue).size(), 1'000'000u);
+    EXPECT_EQ(frames("1-100000:1000", fileseq).size(), 100'000u);
+    const auto refusal = [&](const std::string& list, FrameDialect dialect) -> std::string {
+        try {
+            frames(list, dialect);
+        } catch (const InputError& error) {
+            return error.what();
+        }
+        return "";
+    };
+    EXPECT_EQ(
+        refusal_of("1-10:2"),
+        "--frames 1-10:2: ':' is read in several ways: in OpenJD it is a step, in OpenCue an interleaved "
+        "order, in fileseq a staggered one (character 5): write a step as 1-10x2, or choose with "
+        "--frames-dialect");
+    EXPECT_CONTAINS(refusal("10-1", openjd), "the range 10-1 goes backwards: write 1-10");
+    EXPECT_CONTAINS(refusal("10-1:2", openjd),
+                    "the step of a range that goes backwards is not below 0 (character 6)");
+    EXPECT_CONTAINS(refusal("1-10:-2", opencue), "the step is not above 0 (character 6)");
+    EXPECT_CONTAINS(refusal("1-10:0", fileseq), "the step is not above 0");
+    EXPECT_CONTAINS(refusal("1-10:0.5", opencue), "after ':' a whole number is needed");
+    EXPECT_CONTAINS(refusal("1-1000001:5", opencue), "these are more than 1000000 frames");
+    EXPECT_CONTAINS(refusal("5:3", fileseq), "a step belongs to a range (character 2)");
+}
+
+TEST(FrameList, LeavesOutWhatTheSceneHasNot) {
+    FrameRequest request;
+    Frames frames = {-1, 0.5, 1, 5, 10, 10.5, 12};
+    EXPECT_EQ(skip_frames_outside(frames, request, {1, 10}), "");
+    EXPECT_EQ(frames.size(), 7u) << "only on request";
+    request.skip_outside = true;
+    EXPECT_EQ(skip_frames_outside(frames, request, {1, 10}),
+              "--skip-outside: 4 frames, -1 to 12, are skipped: the scene has frames 1 to 10");
+    EXPECT_EQ(frames, (Frames{1, 5, 10}));
+    EXPECT_EQ(skip_frames_outside(frames, request, {1, 10}), "");
+    EXPECT_EQ(skip_frames_outside(frames, request, {2, 10}),
+              "--skip-outside: frame 1 is skipped: the scene has frames 2 to 10");
+}
+
+// A chunk that runs past the last frame, and one that lies behind it.
+TEST(FrameList, OfAChunkMayRunPastTheEnd) {
+    const Folder folder;
+    const std::string scene = folder.write("a.toml", SceneText{.film = "size = [4, 4]\nsamples = 1\n"});
+    for (const auto& [command, name] : {std::pair{"render", "f.##.exr"}, std::pair{"bake", "f.##.hair"}}) {
+        const ProgramResult some = marram({command, scene, "-o", folder / name, "--frames", "9-11:2",
+                                           "--frames-dialect", "opencue", "--skip-outside"});
+        EXPECT_EQ(some.code, 0);
+        EXPECT_EQ(some.err, "--skip-outside: frame 11 is skipped: the scene has frames 1 to 10\n");
+        EXPECT_EQ(lines(some.out).size(), 2u) << some.out;
+        const auto before = folder.names();
+        const ProgramResult none = marram({command, scene, "-o", folder / name, "--frames", "11-20",
+                                           "--skip-outside", "--progress", "plain"});
+        EXPECT_EQ(none.code, 0);
+        EXPECT_EQ(none.err,
+                  "--skip-outside: 10 frames, 11 to 20, are skipped: the scene has frames 1 to 10\n");
+        EXPECT_TRUE(none.out.ends_with("100%\n")) << none.out;
+        EXPECT_EQ(folder.names(), before);
+    }
+    const ProgramResult watched =
+        marram({"render", scene, "-o", folder / "w.exr", "--frame", "11", "--watch", "--skip-outside"});
+    EXPECT_EQ(watched.code, 2);
+    EXPECT_CONTAINS(watched.err, "--watch: it renders one frame, and these are 0");
+}
+
 TEST(FrameList, IsRenderedAndResumed) {
     const Folder folder;
     const std::string scene = folder.write("a.toml", SceneText{.film = "size = [4, 4]\nsamples = 1\n"});

@@ -155,6 +155,8 @@ void bake_height_pictures(Shot& shot, BakeOptions options, RunProgress& run, std
 int bake_command(const BakeOptions& options) {
     check_baked_formats(options);
     RunProgress run(options.quiet, 1.0);
+    const int threads = threads_of(options);
+    const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, size_t(threads));
     const double begin = wall_seconds();
     Shot shot = open_shot(options, false);
     const double load_seconds = wall_seconds() - begin;
@@ -169,8 +171,6 @@ int bake_command(const BakeOptions& options) {
         run.finish();
         return exit_done;
     }
-    const int threads = threads_of(options);
-    const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, size_t(threads));
     std::set<std::string> warnings; // already printed; each is printed once
     std::vector<FrameStats> stats(frames.size());
     for (size_t i = 0; i < frames.size(); ++i) {

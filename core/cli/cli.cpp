@@ -5,6 +5,7 @@
 #include "core/cli/exit_codes.h"
 #include "core/cli/farm_options.h"
 #include "core/cli/interrupt.h"
+#include "core/cli/machine.h"
 #include "core/cli/memory.h"
 #include "core/cli/output.h"
 #include "core/cli/run_progress.h"
@@ -94,7 +95,10 @@ void add_scene(CLI::App& command, CommonOptions& options) {
     command.add_option("scene", options.scene, "scene file (.toml)")->required();
     add_settings(command, options.overrides.settings);
     add_allow_library(command, options.overrides.allowed_libraries);
-    command.add_option("--threads", options.threads, "threads to use; default: one a processor")
+    command
+        .add_option("--threads", options.threads,
+                    "threads to use; default: one a processor, as far as "
+                    "its affinity, control group (container) and SLURM_CPUS_PER_TASK allow")
         ->check(CLI::Range(1, 1024));
     command
         .add_option("--state", options.overrides.state_folder,
@@ -484,7 +488,8 @@ void check_command(const CLI::App& app, int argc, char** argv) {
 } // namespace
 
 int threads_of(const CommonOptions& options) {
-    return options.threads > 0 ? options.threads : tbb::this_task_arena::max_concurrency();
+    return options.threads > 0 ? options.threads
+                               : threads_allowed(tbb::this_task_arena::max_concurrency()); // by affinity
 }
 
 void print_warnings(const Shot& shot, bool uses_lights) {

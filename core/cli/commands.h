@@ -24,7 +24,7 @@ namespace marram {
 struct CommonOptions {
     std::string scene;
     Overrides overrides;
-    int threads = 0;   // 0: one per processor
+    int threads = 0;   // 0: as many as threads_allowed()
     std::string stats; // JSON file, "" for none
     bool quiet = false;
 };

@@ -3,7 +3,7 @@
 #include "core/cli/interrupt.h"
 #include "core/cli/memory.h"
 #include "core/cli/output.h"
-#include "core/cli/run_progress.h"
+#include "core/cli/progress.h"
 #include "core/image/atomic_file.h"
 #include "core/image/run_files.h"
 #include "core/math/clock.h"

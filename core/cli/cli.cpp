@@ -8,7 +8,7 @@
 #include "core/cli/machine.h"
 #include "core/cli/memory.h"
 #include "core/cli/output.h"
-#include "core/cli/run_progress.h"
+#include "core/cli/progress.h"
 #include "core/scene/suggest.h"
 
 #include <CLI/CLI.hpp>
@@ -225,6 +225,7 @@ void add_render(CLI::App& app, Commands& c) {
                 "until Ctrl-C; mistakes are printed, and the picture stays")
             ->excludes(resume);
     for (CLI::Option* other : {samples_part, crop, keep}) watch->excludes(other);
+    add_checkpoint(*command, c.render.checkpoint);
     command->callback([&c, command, frame] {
         const bool one_frame = frame->count() > 0;
         if (command->count("--spp") > 0) c.render.overrides.samples = c.texts.samples;

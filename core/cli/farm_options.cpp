@@ -2,7 +2,7 @@
 #include "core/cli/farm_options.h"
 
 #include "core/cli/output.h"
-#include "core/cli/run_progress.h"
+#include "core/cli/progress.h"
 #include "core/shot/frame_list.h"
 
 #include <CLI/CLI.hpp>
@@ -110,6 +110,18 @@ void add_frame_lists(CLI::App& command, FrameRequest& frames) {
     command.add_flag("--skip-outside", frames.skip_outside,
                      "leave out frames that are not in the scene's range, with a line; if none is left, "
                      "nothing is written, and the exit code is 0");
+}
+
+void add_checkpoint(CLI::App& command, double& seconds) {
+    command
+        .add_option(
+            "--checkpoint", seconds,
+            "while tracing, save the film's state (OUT.exr.state.tif) this many seconds after the last "
+            "save, so that a process that is killed at any moment loses no more than that, a pass of 16 "
+            "samples a pixel, and the build; --resume goes on to the same bits")
+        ->type_name("SECONDS")
+        ->check(CLI::Range(1e-3, 1e9))
+        ->excludes("--watch");
 }
 
 } // namespace marram

@@ -19,6 +19,9 @@ void add_progress(CLI::App& command);
 // --frames-dialect and --skip-outside of a command that has --frames.
 void add_frame_lists(CLI::App& command, FrameRequest& frames);
 
+// --checkpoint. Call it after --watch has been added.
+void add_checkpoint(CLI::App& command, double& seconds);
+
 // Takes --log and --progress from the command line before it is parsed: the mistakes of the others are
 // messages, too. Values that do not exist are left to the parser.
 void set_message_options(int argc, const char* const* argv);

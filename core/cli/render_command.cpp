@@ -4,13 +4,14 @@
 #include "core/cli/interrupt.h"
 #include "core/cli/memory.h"
 #include "core/cli/output.h"
-#include "core/cli/run_progress.h"
+#include "core/cli/progress.h"
 #include "core/cli/scene_watch.h"
 #include "core/image/atomic_file.h"
 #include "core/image/image_library.h"
 #include "core/image/run_files.h"
 #include "core/math/file_types.h"
 #include "core/math/frame_name.h"
+#include "core/shot/checkpoint.h"
 #include "core/shot/film_display.h"
 #include "core/shot/film_state.h"
 #include "core/shot/frame.h"
@@ -158,10 +159,7 @@ void render_frame(Frame& frame, KeptGeometry& kept, RunProgress& run, const Rend
     Preview preview(frame.files.preview.empty() ? std::function<void()>() : [&] { save_preview(frame); });
     const auto state = [&] { return state_of(frame.progress, run.prefix()); };
     std::optional<FilmDisplay> shown;
-    if (display) {
-        shown.emplace(*display, options.output); // all frames in one image
-        frame.between_passes = [&] { shown->show_if_due(frame.film); };
-    }
+    if (display) shown.emplace(*display, options.output); // all frames in one image
     std::optional<World> world;
     {
         const RunProgress::Watch watch(run, state);
@@ -174,6 +172,14 @@ void render_frame(Frame& frame, KeptGeometry& kept, RunProgress& run, const Rend
         print_message("{}", resumed.message);
     if (display) print_fault(*display);
     exit_blocker.emplace();
+    Checkpoint checkpoint(options.checkpoint, [&] { save_checkpoint(frame); });
+    bool warned = false;
+    frame.between_passes = [&] {
+        if (shown) shown->show_if_due(frame.film);
+        checkpoint.save_if_due();
+        const std::string fault = checkpoint.take_fault();
+        if (!fault.empty() && !std::exchange(warned, true)) print_warning(fault + ": no checkpoint is saved");
+    };
     {
         const RunProgress::Watch watch(run, state);
         trace_frame(frame, *world, preview);

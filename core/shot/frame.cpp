@@ -293,6 +293,10 @@ void trace_frame(Frame& frame, const World& world, Preview& preview) {
     frame.stats.trace = wall_seconds() - begin;
 }
 
+void save_checkpoint(const Frame& frame) {
+    save_state(frame.files.state, frame.film, frame.files.samples_digest);
+}
+
 void save_preview(Frame& frame) {
     resolve(frame.film);
     std::vector<Metadata> metadata = metadata_of(frame, "preview");

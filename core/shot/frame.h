@@ -114,6 +114,9 @@ ResumedFrame resume_frame(Frame& frame);
 // Returns when all samples are taken, the time limit is reached, or `cancel` is set.
 void trace_frame(Frame& frame, const World& world, Preview& preview);
 
+// Writes the film's state between two passes. Throws InputError.
+void save_checkpoint(const Frame& frame);
+
 // Writes the current film to the preview's file.
 void save_preview(Frame& frame);
 

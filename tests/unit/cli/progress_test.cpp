@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // --progress: when lines are due, by a clock that the test moves, and what programs read on stdout.
-#include "core/cli/run_progress.h"
+#include "core/cli/progress.h"
 #include "program.h"
 
 #include <nlohmann/json.hpp>

@@ -6,8 +6,10 @@
 
 #include <nlohmann/json.hpp>
 #include <sys/resource.h>
+#include <sys/stat.h>
 
 #include <algorithm>
+#include <random>
 
 namespace marram::testing {
 namespace {
@@ -238,6 +240,76 @@ TEST_F(Resume, SomebodysPictureIsLeftAlone) {
                         state + ": this file would be overwritten by the state of an unfinished frame");
         EXPECT_TRUE(folder.contents() == before);
     }
+}
+
+// --checkpoint: kill -9 at any moment, also while a state is being written.
+class Checkpoints : public Resume {
+  protected:
+    static ino_t inode_of(const std::string& path) {
+        struct stat status {};
+        return ::stat(path.c_str(), &status) == 0 ? status.st_ino : 0;
+    }
+    // Renders until a checkpoint has been saved, and kills the process up to `microseconds` later.
+    void kill_after_a_checkpoint(unsigned microseconds) const {
+        const ino_t before = inode_of(state);
+        std::vector<std::string> all =
+            command("a.exr", {"--spp", endless, "--resume", "--quiet", "--checkpoint", "0.001"});
+        const pid_t child = ::fork();
+        if (child == 0) run_program(std::move(all));
+        int status = 0;
+        while (inode_of(state) == before) {
+            ASSERT_EQ(::waitpid(child, &status, WNOHANG), 0) << exit_code(status);
+            ::usleep(1'000);
+        }
+        ::usleep(microseconds);
+        ::kill(child, SIGKILL);
+        ASSERT_EQ(::waitpid(child, &status, 0), child);
+        ASSERT_EQ(exit_code(status), 128 + SIGKILL);
+    }
+    void kill_again_and_again() const {
+        std::mt19937 random(11);
+        for (int i = 0; i < 8; ++i) {
+            kill_after_a_checkpoint(random() % 40'000);
+            ASSERT_FALSE(fs::exists(folder / "a.exr"));
+        }
+        interrupt(1);
+        const int samples = samples_of(folder / "a.partial.exr");
+        EXPECT_GE(samples, 1);
+        expect_goes_on_to(samples + 23);
+        for (const std::string& name : folder.names())
+            EXPECT_EQ(name.find("marram-writing"), std::string::npos) << name;
+    }
+};
+
+TEST_F(Checkpoints, ArePlacesToGoOnFromAfterAKill) { kill_again_and_again(); }
+
+TEST_F(Checkpoints, KnowWhichPixelsWereDone) {
+    settings = {"--set", "film.noise=0.004"};
+    kill_again_and_again();
+}
+
+TEST_F(Checkpoints, AreRemovedWithTheFinishedPicture) {
+    EXPECT_DONE(marram(with_samples("a.exr", 40, {"--checkpoint", "0.001"})));
+    expect_uninterrupted_result(40);
+    EXPECT_EQ(folder.names(), (std::set<std::string>{"a.exr", "a.toml", "one.exr"}));
+}
+
+// The picture goes on, and one line says so.
+TEST_F(Checkpoints, ThatCannotBeWrittenDoNotEndTheRender) {
+    constexpr rlim_t room = 1 << 20; // bytes a file
+    const auto in_little_room = [](std::vector<std::string> arguments) {
+        const rlimit limit{room, room};
+        ::setrlimit(RLIMIT_FSIZE, &limit);
+        run_program(std::move(arguments));
+    };
+    const ProgramResult done = marram({"render", scene, "-o", folder / "a.exr", "--size", "256x192", "--spp",
+                                       "40", "--checkpoint", "0.001"},
+                                      in_little_room);
+    EXPECT_EQ(done.code, 0) << done.err;
+    EXPECT_EQ(lines(done.err).size(), 1u) << done.err;
+    EXPECT_CONTAINS(done.err, state);
+    EXPECT_CONTAINS(done.err, ": no checkpoint is saved");
+    EXPECT_EQ(folder.names(), (std::set<std::string>{"a.exr", "a.toml"}));
 }
 
 } // namespace

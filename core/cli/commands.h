@@ -49,7 +49,7 @@ struct RenderOptions : CommonOptions {
     bool keep_state = false;
     PartRequest part;
     std::string after; // FrameOptions::after
-    double checkpoint = 0.0;               // seconds from a save of the state to the next; 0: none
+    double checkpoint = 0.0; // largest age of the saved state, seconds; 0: none is saved
 };
 
 struct BakeOptions : CommonOptions, BakeSettings {

@@ -116,9 +116,9 @@ void add_checkpoint(CLI::App& command, double& seconds) {
     command
         .add_option(
             "--checkpoint", seconds,
-            "while tracing, save the film's state (OUT.exr.state.tif) this many seconds after the last "
-            "save, so that a process that is killed at any moment loses no more than that, a pass of 16 "
-            "samples a pixel, and the build; --resume goes on to the same bits")
+            "while tracing, save the film's state (OUT.exr.state.tif) so often that a process that is killed "
+            "at any moment loses no more than this time and that of a save, or one sample a pixel where "
+            "that takes longer, and the build; --resume goes on to the same bits")
         ->type_name("SECONDS")
         ->check(CLI::Range(1e-3, 1e9))
         ->excludes("--watch");

@@ -173,6 +173,7 @@ void render_frame(Frame& frame, KeptGeometry& kept, RunProgress& run, const Rend
     if (display) print_fault(*display);
     exit_blocker.emplace();
     Checkpoint checkpoint(options.checkpoint, [&] { save_checkpoint(frame); });
+    frame.progress.render.seconds_between_passes = options.checkpoint;
     bool warned = false;
     frame.between_passes = [&] {
         if (shown) shown->show_if_due(frame.film);

@@ -269,17 +269,20 @@ void render_passes(const RenderContext& context, Film& film, RenderStats& stats,
     const double start = clock();
     Deadline deadline{clock, std::nullopt};
     double seconds_per_sample = 0.0; // 0: not known yet
+    constexpr double unlimited = std::numeric_limits<double>::infinity();
+    const bool splits_passes = progress && progress->between_passes && progress->seconds_between_passes > 0.0;
     for (uint32_t begin = progress_of(film).min; begin < settings.samples;) {
         const uint32_t end = std::min(pass_end(begin), settings.samples);
         if (all_at(begin, film) && !decide(context, begin, film, stats, progress)) return;
-        while (begin < end) { // partial passes: several near the deadline, or to measure the cost
+        while (begin < end) { // partial passes: near the deadline, to measure the cost, or to split them
             // The first sample is always completed.
             if (settings.seconds > 0.0 && begin > 0) deadline.time = start + settings.seconds;
             stats.out_of_time = deadline.passed();
             if (stats.out_of_time) return;
-            const double left = deadline.time ? *deadline.time - clock() : 0.0;
+            double left = deadline.time ? *deadline.time - clock() : unlimited;
+            if (splits_passes) left = std::min(left, progress->seconds_between_passes);
             const uint32_t partial_end =
-                deadline.time ? partial_pass_end(film, end, left, seconds_per_sample) : end;
+                left < unlimited ? partial_pass_end(film, end, left, seconds_per_sample) : end;
             const uint64_t samples_before = count_samples(film).total;
             const double before = clock();
             render_pass(context, partial_end, film, stats, progress, deadline);
@@ -290,6 +293,7 @@ void render_passes(const RenderContext& context, Film& film, RenderStats& stats,
             const uint64_t samples_taken = count_samples(film).total - samples_before;
             if (samples_taken > 0) seconds_per_sample = (clock() - before) / double(samples_taken);
             begin = partial_end;
+            if (splits_passes && begin < end) progress->between_passes(film);
         }
         if (begin < settings.samples && progress && progress->between_passes) progress->between_passes(film);
     }

@@ -4,22 +4,28 @@
 #include "core/math/clock.h"
 #include "core/math/problem.h"
 
+#include <algorithm>
 #include <utility>
 
 namespace marram {
 
-Checkpoint::Checkpoint(double seconds, std::function<void()> save)
-    : seconds_(seconds), save_(std::move(save)), next_(wall_seconds() + seconds) {}
+Checkpoint::Checkpoint(double seconds, std::function<void()> save, std::function<double()> clock)
+    : seconds_(seconds), save_(std::move(save)), clock_(clock ? std::move(clock) : wall_seconds),
+      called_(clock_()), next_(called_ + seconds) {}
 
 void Checkpoint::save_if_due() {
-    if (seconds_ <= 0.0 || wall_seconds() < next_) return;
+    if (seconds_ <= 0.0) return;
+    const double now = clock_(), pass = now - std::exchange(called_, now);
+    if (now + pass < next_) return;
     try {
         save_();
         fault_.clear();
     } catch (const InputError& error) {
         fault_ = to_string(error.problems.front());
     }
-    next_ = wall_seconds() + seconds_;
+    called_ = clock_();
+    const double cost = called_ - now;
+    next_ = now + std::max(seconds_, 2.0 * cost); // the state is of `now`
 }
 
 std::string Checkpoint::take_fault() { return std::exchange(fault_, ""); }

@@ -9,11 +9,13 @@ namespace marram {
 
 class Checkpoint {
   public:
-    // seconds: from the end of one save to the next; 0: none. save: may throw InputError.
-    Checkpoint(double seconds, std::function<void()> save);
+    // seconds: largest age of the saved state; 0: none is saved. save: may throw InputError. clock: seconds;
+    // empty: the steady clock.
+    Checkpoint(double seconds, std::function<void()> save, std::function<double()> clock = {});
 
-    // Between passes, when no thread writes to the film. A state that cannot be written is tried again when the
-    // next is due: the frame itself goes on.
+    // Between passes, when no thread writes to the film. Saves the state if it would be too old after another
+    // pass as long as the last one, but spends at most half of the time on it. A state that cannot be written
+    // is tried again when the next is due: the frame itself goes on.
     void save_if_due();
 
     // Why the last save has failed, one line; "" if it has not, or if it was taken.
@@ -22,7 +24,8 @@ class Checkpoint {
   private:
     double seconds_;
     std::function<void()> save_;
-    double next_; // on the clock of wall_seconds()
+    std::function<double()> clock_;
+    double called_, next_; // times of the last call, and when the state will be too old
     std::string fault_;
 };
 

@@ -2,6 +2,7 @@
 // Interrupted frames continue bit for bit. A frame to be stopped has more samples than it can ever take;
 // where it stopped is read from its picture, and it continues to a few samples more. So neither being stopped
 // nor passing depends on the clock.
+#include "core/shot/checkpoint.h"
 #include "program.h"
 
 #include <nlohmann/json.hpp>
@@ -240,6 +241,38 @@ TEST_F(Resume, SomebodysPictureIsLeftAlone) {
                         state + ": this file would be overwritten by the state of an unfinished frame");
         EXPECT_TRUE(folder.contents() == before);
     }
+}
+
+// By a clock that the test moves: the saved state never gets older than asked for while passes take as long as
+// the one before, and saving takes half of the time at most.
+TEST(CheckpointTimes, KeepTheStateYoung) {
+    double now = 100.0, cost = 0.0;
+    int saves = 0;
+    Checkpoint checkpoint(
+        10.0, [&] { ++saves, now += cost; }, [&] { return now; });
+    const auto saves_after = [&](double pass) {
+        now += pass;
+        checkpoint.save_if_due();
+        return saves;
+    };
+    EXPECT_EQ(saves_after(3.0), 0);
+    EXPECT_EQ(saves_after(3.0), 0);
+    EXPECT_EQ(saves_after(3.0), 1) << "9 s old, and 12 s after another pass";
+    cost = 8.0;
+    EXPECT_EQ(saves_after(4.0), 1);
+    EXPECT_EQ(saves_after(4.0), 2);
+    EXPECT_EQ(saves_after(1.0), 2) << "9 s old, but the save has taken 8 s";
+    EXPECT_EQ(saves_after(6.0), 3);
+    Checkpoint never(0.0, [] { FAIL(); });
+    never.save_if_due();
+    Checkpoint failing(
+        1.0, []() { throw InputError({"a.tif"}, "cannot be written", "look why"); }, [&] { return now; });
+    failing.save_if_due();
+    EXPECT_EQ(failing.take_fault(), "");
+    now += 1.0;
+    failing.save_if_due();
+    EXPECT_EQ(failing.take_fault(), "a.tif: cannot be written: look why");
+    EXPECT_EQ(failing.take_fault(), "");
 }
 
 // --checkpoint: kill -9 at any moment, also while a state is being written.

@@ -17,6 +17,7 @@
 #include <random>
 #include <set>
 #include <thread>
+#include <utility>
 
 namespace marram {
 namespace {
@@ -134,6 +135,37 @@ TEST_F(Resume, UsesTheTimeThatItIsGiven) {
                 std::ranges::minmax_element(film.pixel_states, {}, &FilmPixel::samples);
             EXPECT_LE(most->samples - least->samples, 1U) << samples;
         }
+    });
+}
+
+// A checkpoint finds an even film in time, and the bits are those of whole passes.
+TEST_F(Resume, SplitsPassesForWhoAsksBetweenThem) {
+    tbb::task_arena one_thread(1);
+    one_thread.execute([&] {
+        for (const double target : {0.0, 0.02})
+            for (const double samples : {0.25, 2.0, 9.0, 40.0}) { // between two calls, aimed at
+                noise = target;
+                const Film whole = uninterrupted_render(100);
+                Film film = empty();
+                RenderSettings settings;
+                settings.samples = 100;
+                settings.max_depth = 3;
+                settings.noise_threshold = target;
+                settings.clock = [&] { return double(count_samples(film).total); };
+                RenderProgress progress;
+                progress.seconds_between_passes = samples * double(film.pixel_states.size());
+                double called = 0.0, longest = 0.0;
+                progress.between_passes = [&](Film& now) {
+                    EXPECT_EQ(progress_of(now).min, progress_of(now).max);
+                    longest = std::max(longest, settings.clock() - std::exchange(called, settings.clock()));
+                };
+                render(builder_.world, Lights(lights, builder_.world), grey, camera_, settings, film,
+                       &progress);
+                expect_same(film, whole);
+                EXPECT_LE(longest, std::max(1.0, 0.5 * samples) * double(film.pixel_states.size()))
+                    << samples;
+                EXPECT_GT(longest, 0.0);
+            }
     });
 }
 

@@ -294,7 +294,7 @@ void trace_frame(Frame& frame, const World& world, Preview& preview) {
 }
 
 void save_checkpoint(const Frame& frame) {
-    save_state(frame.files.state, frame.film, frame.files.samples_digest);
+    save_state(frame.files.state, state_of(frame, false), frame.film);
 }
 
 void save_preview(Frame& frame) {

@@ -10,6 +10,7 @@
 #include "core/shot/picture_file.h"
 #include "core/shot/scene/material_checks.h"
 #include "core/shot/scene/scene_camera.h"
+#include "core/shot/scene/scene_files.h"
 #include "core/shot/settings.h"
 
 #include <fmt/format.h>
@@ -20,7 +21,6 @@
 #include <filesystem>
 #include <fstream>
 #include <iterator>
-#include <span>
 #include <tuple>
 
 namespace marram {
@@ -79,6 +79,16 @@ FilmState state_of(const Frame& frame, bool finished) {
     return state;
 }
 
+// A setting that names a file says no more than its key: the file's contents are in the digest, its path is not.
+std::string setting_without_path(const std::string& setting, const std::vector<NamedFiles>& named) {
+    const auto names_file = [&](const NamedFiles& one) {
+        return one.value->place.file.starts_with("--set ") && setting.starts_with(one.key + "=") &&
+               one.value->numbers.empty() && one.value->texts.empty(); // frames and grid of a volume
+    };
+    const auto found = std::ranges::find_if(named, names_file);
+    return found == named.end() ? setting : found->key;
+}
+
 } // namespace
 
 uint64_t shot_digest(const Shot& shot, const FrameOptions& options,
@@ -86,18 +96,12 @@ uint64_t shot_digest(const Shot& shot, const FrameOptions& options,
     std::ifstream file(options.scene, std::ios::binary);
     uint64_t h = hash_text(0, std::string(std::istreambuf_iterator<char>(file), {}));
     h = hash_text(h, MARRAM_VERSION);
-    for (const std::string& setting : settings) h = hash_text(h, setting);
+    const std::vector<NamedFiles> named = named_files(shot);
+    for (const std::string& setting : settings) h = hash_text(h, setting_without_path(setting, named));
     for (const std::string& layer : options.layers) h = hash_text(h, layer);
     const auto [width, height] = film_size(shot);
     h = hash(hash(h, width), height);
-    const std::vector<std::string> files = files_read(shot, options.scene);
-    for (const std::string& name : std::span(files).subspan(1)) {
-        std::error_code error;
-        h = hash_text(h, name);
-        h = hash(h, uint64_t(fs::file_size(name, error)));
-        h = hash(h, uint64_t(fs::last_write_time(name, error).time_since_epoch().count()));
-    }
-    return h;
+    return hash(h, files_digest(named));
 }
 
 FrameFiles frame_files(double frame, const Shot& shot, uint64_t digest, const std::string& picture,

@@ -2,13 +2,12 @@
 #include "core/shot/shot.h"
 #include "core/shot/scene/light_image.h"
 #include "core/shot/scene/scene_camera.h"
+#include "core/shot/scene/scene_files.h"
 #include "core/shot/scene/scene_meshes.h"
 #include "core/shot/scene/texture.h"
 
 #include "core/host/geometry_graph.h"
-#include "core/host/volume_value.h"
 #include "core/image/image_library.h"
-#include "core/math/udim.h"
 #include "core/scene/keyed_values.h"
 #include "core/scene/libraries.h"
 
@@ -508,33 +507,8 @@ bool is_transparent(const Shot& shot) {
 
 std::vector<std::string> files_read(const Shot& shot, const std::string& file) {
     std::vector<std::string> files = {file};
-    const auto add_image = [&](const std::string& image) {
-        if (!has_udim(image)) files.push_back(image);
-        for (const UdimTile& tile : udim_tiles(image)) files.push_back(tile.file);
-    };
-    const auto add_volume = [&](const ParamValue& volume) {
-        for (std::string& one : volume_files(volume)) files.push_back(std::move(one));
-    };
-    const SceneDescription& description = shot.description;
-    for (const auto* items : {&description.materials, &description.meshes, &description.curves,
-                              &description.lights, &description.procedurals})
-        for (const Item& item : *items)
-            for (const ParamValue& value : item.params.all())
-                if (value.spec->type == ParamType::image)
-                    add_image(value.text);
-                else if (value.spec->type == ParamType::file || value.spec->type == ParamType::table)
-                    files.push_back(value.text);
-                else if (value.spec->type == ParamType::volume)
-                    add_volume(value);
-    for (const ParamValue& value : description.wind.all())
-        if (value.spec->type == ParamType::image || value.spec->type == ParamType::table)
-            files.push_back(value.text);
-        else if (value.spec->type == ParamType::volume)
-            add_volume(value);
-    for (const auto* items : {&description.meshes, &description.curves})
-        for (const Item& item : *items)
-            if (item.params.has("file_frames"))
-                for (const auto& [frame, shape] : numbered_files(item)) files.push_back(shape);
+    for (const NamedFiles& named : named_files(shot))
+        files.insert(files.end(), named.files.begin(), named.files.end());
     return files;
 }
 

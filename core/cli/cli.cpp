@@ -9,6 +9,7 @@
 #include "core/cli/memory.h"
 #include "core/cli/output.h"
 #include "core/cli/progress.h"
+#include "core/cli/scene_options.h"
 #include "core/scene/suggest.h"
 
 #include <CLI/CLI.hpp>
@@ -95,6 +96,7 @@ void add_scene(CLI::App& command, CommonOptions& options) {
     command.add_option("scene", options.scene, "scene file (.toml)")->required();
     add_settings(command, options.overrides.settings);
     add_allow_library(command, options.overrides.allowed_libraries);
+    add_path_map(command, options.overrides.paths);
     command
         .add_option("--threads", options.threads,
                     "threads to use; default: one a processor, as far as "
@@ -376,6 +378,7 @@ void add_info(CLI::App& app, Commands& c) {
     command->add_flag("--keys", c.info.keys,
                       "only the keys that --set changes, of a scene or of every scene, one a line");
     add_allow_library(*command, c.info.allowed_libraries);
+    add_path_map(*command, c.info.paths);
     command->callback([&c] { c.chosen = [&c] { return info_command(c.info); }; });
 }
 

@@ -74,6 +74,7 @@ struct InfoOptions {
     std::vector<std::string> settings; // --set, of a scene
     bool keys = false;                 // print only the keys that --set can change
     std::vector<std::string> allowed_libraries;
+    PathMap paths;
 };
 
 using MergeOptions = MergeRequest;

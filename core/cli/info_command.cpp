@@ -20,6 +20,7 @@ void print_scene(const InfoOptions& asked) {
     options.scene = asked.subject;
     options.overrides.allowed_libraries = asked.allowed_libraries;
     options.overrides.settings = asked.settings;
+    options.overrides.paths = asked.paths;
     Shot shot = open_shot(options);
     print_result("{}", scene_summary(shot, interrupted()));
 }
@@ -28,6 +29,7 @@ void print_scene(const InfoOptions& asked) {
 void print_keys(const InfoOptions& asked) {
     PluginSet plugins = default_plugins();
     plugins.allowed = asked.allowed_libraries;
+    plugins.paths = asked.paths;
     const std::string& scene = asked.subject;
     const std::vector<std::string> keys =
         scene.empty() ? keys_of_tables(plugins.schema)
@@ -44,6 +46,9 @@ int info_command(const InfoOptions& options) {
     if (!options.settings.empty() && !is_scene(subject))
         throw InputError({"--set " + options.settings.front()}, "there is no scene to change",
                          "name a scene file (.toml)");
+    if (!options.paths.rules.empty() && !is_scene(subject))
+        throw InputError({"--map " + options.paths.rules.front().from},
+                         "there is no scene whose files it maps", "name a scene file (.toml)");
     if (options.keys) {
         if (!subject.empty() && !is_scene(subject))
             throw InputError({"marram info --keys " + subject}, "this is no scene",

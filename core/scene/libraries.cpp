@@ -44,7 +44,7 @@ bool is_allowed_library(const std::string& path, const std::vector<std::string>&
 }
 
 std::vector<LibraryName> scene_libraries(const std::string& file, const std::vector<std::string>& settings,
-                                         const std::vector<std::string>& allowed) {
+                                         const std::vector<std::string>& allowed, const PathMap& paths) {
     Reading reading;
     reading.file = file;
     toml::table root = parse_scene(reading);
@@ -56,7 +56,7 @@ std::vector<LibraryName> scene_libraries(const std::string& file, const std::vec
         const toml::node* node = table ? table->get("library") : nullptr;
         if (!node || !node->is_string()) continue;
         const std::string path =
-            library_path(fs::path(file).parent_path().string(), node->as_string()->get());
+            library_path(fs::path(file).parent_path().string(), paths.apply(node->as_string()->get()));
         const bool is_new = std::none_of(libraries.begin(), libraries.end(),
                                          [&](const LibraryName& library) { return library.path == path; });
         if (is_new) libraries.push_back({path, place_of(*node, reading), is_allowed_library(path, allowed)});

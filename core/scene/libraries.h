@@ -4,6 +4,7 @@
 #pragma once
 
 #include "core/math/problem.h"
+#include "core/scene/path_map.h"
 
 #include <string>
 #include <vector>
@@ -18,9 +19,11 @@ struct LibraryName {
 
 // The `library` of every [[procedural]] that has one, after applying `settings`; each path once, in the order
 // of the file. Throws InputError if the file cannot be parsed. All other mistakes are left to load_scene().
-// allowed: libraries that the user has allowed by name.
+// allowed: libraries that the user has allowed by name. paths: as of load_scene(); a path that it leads to needs
+// the same permission as any other.
 std::vector<LibraryName> scene_libraries(const std::string& file, const std::vector<std::string>& settings,
-                                         const std::vector<std::string>& allowed = {});
+                                         const std::vector<std::string>& allowed = {},
+                                         const PathMap& paths = {});
 
 // Search path of libraries that are named without a folder: the folders in MARRAM_PLUGIN_PATH, separated by
 // colons, then the folder of the program, then the one that `cmake --install` uses.

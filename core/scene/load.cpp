@@ -183,10 +183,11 @@ void read_items(const toml::table& root, const std::string& kind, std::span<cons
 } // namespace
 
 SceneDescription load_scene(const std::string& file, const std::vector<std::string>& settings,
-                            const Schema& schema) {
+                            const Schema& schema, const PathMap& paths) {
     Reading reading;
     reading.file = file;
     reading.schema = &schema;
+    reading.paths = paths;
     toml::table root = parse_scene(reading);
     apply_settings(root, settings, reading);
 

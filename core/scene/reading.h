@@ -4,6 +4,7 @@
 
 #include "core/math/params.h"
 #include "core/scene/description.h"
+#include "core/scene/path_map.h"
 
 #include <optional>
 #include <string>
@@ -16,6 +17,7 @@ namespace marram {
 struct Reading {
     std::string file; // as given on the command line
     const Schema* schema = nullptr;
+    PathMap paths; // applied to each file that the scene names
     std::vector<Problem> problems;
     // Defaults are TOML texts. Each is parsed once and cached.
     std::unordered_map<const ParamSpec*, std::optional<ParamValue>> defaults;

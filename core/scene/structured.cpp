@@ -272,21 +272,23 @@ bool read_path(const toml::node& node, const ParamSpec& spec, const std::string&
         return fail(fmt::format("{} is {}", label, found(node)), "give " + wanted(spec));
     const bool library = spec.choices == "library";
     const fs::path folder = fs::path(reading.file).parent_path();
-    const fs::path path =
-        library ? fs::path(library_path(folder.string(), text->get())) : folder / text->get();
-    const std::string shown = in_quotes(text->get());
+    const std::string name = reading.paths.apply(text->get());
+    const fs::path path = library ? fs::path(library_path(folder.string(), name)) : folder / name;
+    const bool mapped = name != text->get();
+    const std::string shown =
+        in_quotes(name) + (mapped ? fmt::format(" (mapped from {})", in_quotes(text->get())) : "");
     std::error_code error;
     const fs::file_status status = fs::status(path, error);
     if (status.type() == fs::file_type::not_found) {
-        if (spec.choices == "numbered" && has_frame_mark(text->get())) {
+        if (spec.choices == "numbered" && has_frame_mark(name)) {
             value.text = path.string(); // one file per frame: checked when read
             return true;
         }
-        if (spec.choices == "uv" && has_udim(text->get()) && !udim_tiles(path.string()).empty()) {
+        if (spec.choices == "uv" && has_udim(name) && !udim_tiles(path.string()).empty()) {
             value.text = path.string();
             return true;
         }
-        if (has_udim(text->get()))
+        if (has_udim(name))
             return spec.choices == "uv"
                        ? fail(fmt::format("{}: there is no tile of {}", label, shown),
                               "name tiles by 1001 + u + 10 v, or check the path, it is relative to the scene "
@@ -298,6 +300,7 @@ bool read_path(const toml::node& node, const ParamSpec& spec, const std::string&
         const std::string near = nearest_file(path);
         fail(fmt::format("{}: there is no file {}", label, shown),
              !near.empty() ? fmt::format("did you mean {}?", in_quotes(near))
+             : mapped      ? "check what the path is mapped to"
              : library     ? "check the path, relative to the scene file's folder, or MARRAM_PLUGIN_PATH"
                            : "check the path, it is relative to the scene file's folder");
         reading.problems.back().missing_file = path.string();

@@ -259,7 +259,7 @@ SceneDescription describe_scene(const std::string& file, const std::vector<std::
                                 PluginSet& plugins) {
     std::vector<LibraryName> missing;
     std::vector<Problem> problems;
-    for (const LibraryName& library : scene_libraries(file, settings, plugins.allowed)) {
+    for (const LibraryName& library : scene_libraries(file, settings, plugins.allowed, plugins.paths)) {
         std::error_code error;
         if (!fs::is_regular_file(library.path, error)) // a pipe would be waited for
             missing.push_back(library);
@@ -272,7 +272,7 @@ SceneDescription describe_scene(const std::string& file, const std::vector<std::
                                     ", or name its folder in MARRAM_PLUGIN_PATH"});
     }
     try {
-        SceneDescription description = load_scene(file, settings, plugins.schema);
+        SceneDescription description = load_scene(file, settings, plugins.schema, plugins.paths);
         if (!problems.empty()) throw InputError({}); // its types may be those of another library
         return description;
     } catch (const InputError& error) {
@@ -307,6 +307,7 @@ Shot load_shot(const std::string& file, const Overrides& overrides, const std::a
     apply(overrides, settings);
     shot.plugins = std::make_unique<PluginSet>(default_plugins());
     shot.plugins->allowed = overrides.allowed_libraries;
+    shot.plugins->paths = overrides.paths;
     shot.description = describe_scene(file, settings, *shot.plugins);
     const SceneDescription& description = shot.description;
 

@@ -23,6 +23,7 @@ struct PluginSet {
     std::map<std::string, std::shared_ptr<PluginLibrary>> libraries; // by path; "" is the default
     Schema schema;
     std::vector<std::string> allowed; // libraries that may be loaded from outside plugin_folders()
+    PathMap paths;                    // where files lie that the scene names
 };
 PluginSet default_plugins();
 
@@ -56,6 +57,7 @@ struct Overrides {
     std::optional<std::pair<uint32_t, uint32_t>> size;
     std::string state_folder;                   // "": default_state_folder()
     std::vector<std::string> allowed_libraries; // PluginSet::allowed
+    PathMap paths;
     // Pictures will be made: skies are computed, and the library for images is loaded, while files are read.
     bool makes_pictures = false;
 };

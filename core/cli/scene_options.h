@@ -1,0 +1,14 @@
+// SPDX-License-Identifier: Apache-2.0
+// Options of commands that read scenes on several machines.
+#pragma once
+
+#include "core/scene/path_map.h"
+
+#include <CLI/CLI.hpp>
+
+namespace marram {
+
+// --map and --map-file. Rules of --map come first.
+void add_path_map(CLI::App& command, PathMap& paths);
+
+} // namespace marram

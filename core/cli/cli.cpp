@@ -137,6 +137,7 @@ struct Commands {
     MergeOptions merge;
     SheetOptions sheet;
     ViewOptions view;
+    PackOptions pack;
     ManOptions man;
     Texts texts;
     std::function<int()> chosen;
@@ -449,6 +450,14 @@ void add_completion(CLI::App& app, Commands& c) {
     });
 }
 
+void add_pack(CLI::App& app, Commands& c) {
+    CLI::App* command =
+        app.add_subcommand("pack", "copy a scene and all files that it names into one folder");
+    add_scene(*command, c.pack);
+    add_pack_options(*command, c.pack);
+    command->callback([&c] { c.chosen = [&c] { return pack_command(c.pack); }; });
+}
+
 // Call it after all others: it lists their names.
 void add_man(CLI::App& app, Commands& c) {
     CLI::App* command = app.add_subcommand("man", "print a manual page, for `man -l -`");
@@ -522,6 +531,7 @@ int run(int argc, char** argv) {
     add_measure(app, commands);
     add_merge(app, commands);
     add_sheet(app, commands);
+    add_pack(app, commands);
     add_completion(app, commands);
     add_man(app, commands);
     add_log(app);

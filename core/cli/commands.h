@@ -92,6 +92,11 @@ struct ViewOptions : CommonOptions {
     bool opens = true; // the address in a browser
 };
 
+struct PackOptions : CommonOptions {
+    std::string output;  // folder
+    bool states = false; // with those of simulations
+};
+
 struct ManOptions {
     std::string command; // "": the page of the program
     std::string folder;  // write pages as files to this folder; "": print the page
@@ -104,6 +109,7 @@ int view_command(const ViewOptions& options);
 int compare_command(const CompareOptions& options); // 0 alike, 1 different
 int info_command(const InfoOptions& options);
 int merge_command(const MergeOptions& options);
+int pack_command(const PackOptions& options);
 int sheet_command(const SheetOptions& options);
 int completion_command(const std::string& shell, const ProgramText& text); // "bash" or "zsh"
 int man_command(const ManOptions& options, const ProgramText& text);

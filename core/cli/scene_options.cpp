@@ -32,4 +32,15 @@ void add_path_map(CLI::App& command, PathMap& paths) {
         ->allow_extra_args(false);
 }
 
+void add_pack_options(CLI::App& command, PackOptions& options) {
+    command
+        .add_option(
+            "-o,--output", options.output,
+            "folder to be made: the scene, with the values of --set, and its files in files/; it renders "
+            "to the same bits wherever it lies")
+        ->required()
+        ->type_name("DIR");
+    command.add_flag("--states", options.states, "also the states that simulations have left (--state)");
+}
+
 } // namespace marram

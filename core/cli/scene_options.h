@@ -2,6 +2,7 @@
 // Options of commands that read scenes on several machines.
 #pragma once
 
+#include "core/cli/commands.h"
 #include "core/scene/path_map.h"
 
 #include <CLI/CLI.hpp>
@@ -10,5 +11,7 @@ namespace marram {
 
 // --map and --map-file. Rules of --map come first.
 void add_path_map(CLI::App& command, PathMap& paths);
+
+void add_pack_options(CLI::App& command, PackOptions& options);
 
 } // namespace marram

@@ -10,8 +10,8 @@
 namespace marram::testing {
 namespace {
 
-const std::vector<std::string> commands = {"render", "bake", "info",       "compare", "measure",
-                                           "sheet",  "view", "completion", "man",     "merge"};
+const std::vector<std::string> commands = {"render", "bake", "info",       "compare", "measure", "sheet",
+                                           "view",   "pack", "completion", "man",     "merge"};
 
 bool has_program(const std::string& name) {
     return std::system(("command -v " + name + " > /dev/null 2>&1").c_str()) == 0;

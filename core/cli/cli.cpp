@@ -229,6 +229,7 @@ void add_render(CLI::App& app, Commands& c) {
             ->excludes(resume);
     for (CLI::Option* other : {samples_part, crop, keep}) watch->excludes(other);
     add_checkpoint(*command, c.render.checkpoint);
+    add_claim(*command, c.render);
     command->callback([&c, command, frame] {
         const bool one_frame = frame->count() > 0;
         if (command->count("--spp") > 0) c.render.overrides.samples = c.texts.samples;

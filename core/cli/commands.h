@@ -42,8 +42,9 @@ struct RenderOptions : CommonOptions {
     std::vector<std::string> layers;    // besides those of the scene
     std::vector<LayerPicture> pictures; // of --png; their layers are added to the film
     bool resume = false;
-    bool watch = false;  // render anew when a file of the scene is saved, until an interrupt
-    std::string preview; // "" for none
+    std::optional<double> lease; // s, of claims on frames, which other processes leave out
+    bool watch = false;          // render anew when a file of the scene is saved, until an interrupt
+    std::string preview;         // "" for none
     std::optional<DisplayAddress> display; // of the viewer that shows the frames in work
     double seconds = 0.0;                  // time limit for tracing a frame; 0: none
     bool keep_state = false;

@@ -3,6 +3,7 @@
 #include "core/cli/exit_codes.h"
 
 #include "core/image/atomic_file.h"
+#include "core/shot/claim.h"
 
 #include <csignal>
 #include <ctime>
@@ -24,6 +25,7 @@ constexpr double grace_seconds = 0.4;
 
 [[noreturn]] void exit_now() {
     remove_temporary_files();
+    remove_claims();
     _exit(interrupt_exit_code());
 }
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/cli/commands.h"
 #include "core/cli/exit_codes.h"
+#include "core/cli/frames_to_render.h"
 #include "core/cli/interrupt.h"
 #include "core/cli/memory.h"
 #include "core/cli/output.h"
@@ -40,17 +41,17 @@ void check_outputs(const Shot& shot, const std::vector<FrameFiles>& frames, cons
     for (const FrameFiles& frame : frames) {
         const std::string partial = partial_name(frame.picture);
         std::vector<std::string> names = {frame.state};
-        if (!frame.part.given()) names.insert(names.end(), {frame.picture, partial});
+        if (!frame.is_part) names.insert(names.end(), {frame.picture, partial});
         for (const std::string& name : names) {
             check_name_length(name);
             files.write(name);
         }
-        check_writable(frame.part.given() ? frame.state : frame.picture);
+        check_writable(frame.is_part ? frame.state : frame.picture);
         for (const LayerPicture& layer : frame.layers) {
             files.write(layer.file);
             check_writable(layer.file);
         }
-        if (!frame.part.given()) check_partial_name(partial);
+        if (!frame.is_part) check_partial_name(partial);
         check_state_overwrite(frame.state);
         previews.insert(frame.preview);
         stats.insert(numbered(options.stats, frame.frame));
@@ -153,9 +154,11 @@ void finish(std::optional<Display>& display) {
 }
 
 // Renders one frame to its files. kept: geometry kept from frame to frame. exit_blocker: set from the start
-// of tracing, so that an interrupt does not prevent saving. What a saved scene has stopped is left.
+// of tracing, so that an interrupt does not prevent saving. What a saved scene, or the loss of a claim, has
+// stopped is left. may_save: asked before anything is saved.
 void render_frame(Frame& frame, KeptGeometry& kept, RunProgress& run, const RenderOptions& options,
-                  std::optional<ExitBlocker>& exit_blocker, std::optional<Display>& display) {
+                  std::optional<ExitBlocker>& exit_blocker, std::optional<Display>& display,
+                  const std::function<bool()>& may_save) {
     Preview preview(frame.files.preview.empty() ? std::function<void()>() : [&] { save_preview(frame); });
     const auto state = [&] { return state_of(frame.progress, run.prefix()); };
     std::optional<FilmDisplay> shown;
@@ -188,7 +191,7 @@ void render_frame(Frame& frame, KeptGeometry& kept, RunProgress& run, const Rend
     kept = kept_geometry(*std::move(world)); // free the rest: saving may need the memory
     world.reset();
     const bool cancelled = frame.stats.render.cancelled;
-    if (cancelled && !interrupted()) return;
+    if ((cancelled && !interrupted()) || !may_save()) return;
     run.phase("saving");
     save(frame, preview, options); // first: it needs less memory
     if (shown && !cancelled) shown->show(frame.film);
@@ -249,7 +252,7 @@ bool render_watched(SceneWatch& watch, const RenderOptions& options, int threads
     std::optional<ExitBlocker> exit_blocker;
     tbb::task_arena(threads).execute([&] {
         Frame frame{shot, plan.options, files, layer_names(shot, plan.options.layers), watch.stop(), stats};
-        render_frame(frame, kept, run, options, exit_blocker, display);
+        render_frame(frame, kept, run, options, exit_blocker, display, [] { return true; });
     });
     const bool cancelled = stats.render.cancelled;
     if (cancelled && !interrupted()) return true;
@@ -304,23 +307,28 @@ int render_command(const RenderOptions& options) {
     std::optional<Display> display;
     if (options.display) display.emplace(*options.display);
     bool first = true;
-    for (const FrameFiles& files : plan.frames) {
-        if (options.resume && is_rendered(files, part_of_frame(shot, options.part))) {
-            const std::string& there = files.part.given() ? files.state : files.picture;
-            if (!options.quiet) print_message("{}: is there already\n", there);
-            continue;
-        }
-        run.begin_part(size_t(&files - plan.frames.data()), plan.frames.size());
+    FramesToRender frames(plan.frames, {options.resume, options.lease, options.quiet});
+    while (const FrameFiles* next = frames.next()) {
+        const FrameFiles& files = *next;
+        run.begin_part(size_t(next - plan.frames.data()), plan.frames.size());
         FrameStats stats;
         stats.frame = files.frame;
         stats.threads = threads;
         stats.load = std::exchange(first, false) ? load_seconds : 0.0;
         std::optional<ExitBlocker> exit_blocker;
-        arena.execute([&] {
-            Frame frame{shot,          plan.options, files, layer_names(shot, plan.options.layers),
-                        interrupted(), stats};
-            render_frame(frame, kept, run, options, exit_blocker, display);
-        });
+        bool saved = false;
+        const auto may_save = [&] { return saved = frames.may_save(); };
+        try {
+            arena.execute([&] {
+                Frame frame{shot,          plan.options, files, layer_names(shot, plan.options.layers),
+                            frames.stop(), stats};
+                render_frame(frame, kept, run, options, exit_blocker, display, may_save);
+            });
+        } catch (const Cancelled&) {
+            if (!frames.is_lost() || interrupted()) throw;
+        }
+        if (!saved && frames.is_lost() && !interrupted()) continue;
+        frames.saved();
         stats_file.add(stats);
         if (stats.render.cancelled) {
             stats_file.finish();

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/cli/scene_options.h"
 
+#include "core/shot/claim.h"
+
 #include <string>
 #include <utility>
 #include <vector>
@@ -30,6 +32,31 @@ void add_path_map(CLI::App& command, PathMap& paths) {
             "such mappings from a file, OpenJD's pathmapping-1.0 (JSON)")
         ->type_name("FILE")
         ->allow_extra_args(false);
+}
+
+void add_claim(CLI::App& command, RenderOptions& options) {
+    CLI::Option* claim = command
+                             .add_flag_callback(
+                                 "--claim",
+                                 [&options] {
+                                     options.resume = true;
+                                     if (!options.lease) options.lease = default_lease;
+                                 },
+                                 "share the frames with other processes of the same command in this folder: "
+                                 "each is claimed by a "
+                                 "file beside its picture, so that no frame is rendered twice; ends when all "
+                                 "pictures are there. "
+                                 "Like --resume it leaves out and goes on with what was begun")
+                             ->excludes(command.get_option("--watch"))
+                             ->excludes(command.get_option("--seconds"));
+    command
+        .add_option(
+            "--lease", options.lease,
+            "seconds after which the claim of a process that has gone silent, on another machine, is taken "
+            "over; default: 60")
+        ->type_name("SECONDS")
+        ->check(CLI::Range(1.0, 86400.0))
+        ->needs(claim);
 }
 
 void add_pack_options(CLI::App& command, PackOptions& options) {

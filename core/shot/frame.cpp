@@ -63,6 +63,12 @@ void warn_far_target(Frame& frame) {
             to_string(scene.globals.at("tolerance_pixels").place), target, strands, target / strands));
 }
 
+// What is rendered of a frame.
+FilmPart part_of_frame(const Shot& shot, const PartRequest& part) {
+    const auto [width, height] = film_size(shot);
+    return part_of(part, width, height, uint32_t(shot.description.film.integer("samples")));
+}
+
 // What the film's state says of itself.
 FilmState state_of(const Frame& frame, bool finished) {
     FilmState state;
@@ -74,7 +80,7 @@ FilmState state_of(const Frame& frame, bool finished) {
     state.picture_digest = frame.files.digest;
     state.exposure = exposure_of(frame);
     state.seconds = frame.stats.load + wall_seconds() - frame.begin;
-    state.parts = {frame.part};
+    state.parts = {frame.files.part};
     state.finished = finished;
     return state;
 }
@@ -111,7 +117,8 @@ FrameFiles frame_files(double frame, const Shot& shot, uint64_t digest, const st
     files.frame = frame;
     files.picture = numbered(picture, frame);
     if (!preview.empty()) files.preview = numbered(preview, frame);
-    files.part = part;
+    files.is_part = part.given();
+    files.part = part_of_frame(shot, part);
     files.state = state_name(files.picture, part);
     files.layers = layers;
     for (LayerPicture& layer : files.layers) layer.file = numbered(layer.file, frame);
@@ -119,11 +126,6 @@ FrameFiles frame_files(double frame, const Shot& shot, uint64_t digest, const st
     // Does not include the frame: OpenImageIO never frees distinct metadata strings, 8 KB each.
     files.digest = fmt::format("{:016x}", hash(digest, uint64_t(shot.description.film.integer("samples"))));
     return files;
-}
-
-FilmPart part_of_frame(const Shot& shot, const PartRequest& part) {
-    const auto [width, height] = film_size(shot);
-    return part_of(part, width, height, uint32_t(shot.description.film.integer("samples")));
 }
 
 namespace {
@@ -173,14 +175,14 @@ void check_part(const Shot& shot, const FrameOptions& options, const std::vector
     }
 }
 
-bool is_rendered(const FrameFiles& files, const FilmPart& part) {
-    if (files.part.given()) {
+bool is_rendered(const FrameFiles& files) {
+    if (files.is_part) {
         std::error_code error;
         if (!fs::exists(files.state, error)) return false;
         try {
             const FilmState state = read_state(files.state);
             return state.finished && state.samples_digest == files.samples_digest &&
-                   state.parts == std::vector{part};
+                   state.parts == std::vector{files.part};
         } catch (const InputError&) { // damaged
             return false;
         }
@@ -229,9 +231,8 @@ World build_frame(Frame& frame, KeptGeometry kept) {
     set_frame(frame.shot, frame.files.frame);
     frame.settings = render_settings(frame.shot, frame.files.frame);
     frame.settings.seconds = frame.options.seconds;
-    frame.part = part_of_frame(frame.shot, frame.options.part);
-    frame.settings.first_sample = frame.part.first_sample;
-    frame.settings.samples = frame.part.end_sample;
+    frame.settings.first_sample = frame.files.part.first_sample;
+    frame.settings.samples = frame.files.part.end_sample;
     BuildSettings settings = build_settings(frame.shot, frame.files.frame);
     settings.attributes = wanted_attributes(frame.shot, frame.layers);
     settings.camera = camera_samples(frame.shot, frame.files.frame);
@@ -240,11 +241,11 @@ World build_frame(Frame& frame, KeptGeometry kept) {
     check_root_uvs(frame.shot, world);
     std::ranges::move(check_tiles(frame.shot, world), std::back_inserter(frame.stats.build.warnings));
     warn_far_target(frame);
-    frame.film = make_film(frame.part.width(), frame.part.height(), frame.layers, world);
+    frame.film = make_film(frame.files.part.width(), frame.files.part.height(), frame.layers, world);
     frame.film.transparent = is_transparent(frame.shot);
     if (frame.options.part.crops) {
         const auto [width, height] = film_size(frame.shot);
-        frame.settings.crop = Crop{frame.part.x0, frame.part.y0, width, height};
+        frame.settings.crop = Crop{frame.files.part.x0, frame.files.part.y0, width, height};
     }
     if (!frame.options.after.empty()) {
         const std::string after = numbered(frame.options.after, frame.files.frame);
@@ -261,7 +262,7 @@ ResumedFrame resume_frame(Frame& frame) {
     const FrameFiles& files = frame.files;
     std::error_code error;
     if (!frame.options.resume || !fs::exists(files.state, error)) return {};
-    const std::string reason = load_state(files.state, files.samples_digest, frame.part, frame.film);
+    const std::string reason = load_state(files.state, files.samples_digest, frame.files.part, frame.film);
     if (!reason.empty())
         return {fmt::format("{}: {}: the frame is rendered from the start", files.state, reason), true};
     return {
@@ -339,7 +340,7 @@ SavedFrame save_frame(Frame& frame) {
     frame.stats.total = frame.stats.load + wall_seconds() - frame.begin;
     SavedFrame saved;
     saved.whole = !render.cancelled && !render.out_of_time;
-    const bool is_part = files.part.given();
+    const bool is_part = files.is_part;
     saved.picture = is_part ? files.state : render.cancelled ? partial_name(files.picture) : files.picture;
     const auto write_picture = [&] {
         const std::vector<Metadata> metadata = metadata_of(frame, saved.whole ? files.digest : unfinished);
@@ -386,7 +387,7 @@ SavedFrame save_frame(Frame& frame) {
 
 void remove_unfinished(const FrameFiles& files, bool keep_state) {
     std::error_code error;
-    if (files.part.given() || (!keep_state && !fs::remove(files.state, error))) return;
+    if (files.is_part || (!keep_state && !fs::remove(files.state, error))) return;
     const std::string partial = partial_name(files.picture);
     if (read_metadata(partial, digest_key) == unfinished) fs::remove(partial, error);
 }

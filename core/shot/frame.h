@@ -42,7 +42,8 @@ struct FrameOptions {
 struct FrameFiles {
     double frame = 0.0;
     std::string picture, preview, state; // preview: "" for none
-    PartRequest part;                    // if given, the state is all that is written
+    FilmPart part;                       // what is rendered
+    bool is_part = false;                // not the whole: the state is all that is written
     std::vector<LayerPicture> layers;    // written with the picture, unless it is interrupted
     std::string digest;                  // pictures of the same frame and digest are identical
     // Films with the same samples_digest differ only in their number of samples: the one with fewer can be
@@ -62,11 +63,13 @@ FrameFiles frame_files(double frame, const Shot& shot, uint64_t digest, const st
                        const std::string& preview, const std::vector<LayerPicture>& layers = {},
                        const PartRequest& part = {});
 
-// What is rendered of a frame.
-FilmPart part_of_frame(const Shot& shot, const PartRequest& part);
+// The file for which the frame is rendered: the picture, or the state of a part.
+inline const std::string& output_of(const FrameFiles& files) {
+    return files.is_part ? files.state : files.picture;
+}
 
-// Whether an earlier run has finished the picture and those of its layers, or the state of the part.
-bool is_rendered(const FrameFiles& files, const FilmPart& part);
+// Whether an earlier run has finished the output, and the pictures of layers.
+bool is_rendered(const FrameFiles& files);
 
 // Throws InputError where a part cannot be rendered alone: it goes beyond the picture, or adaptive sampling
 // would have to know more; and where the state of --after is not what comes before it.

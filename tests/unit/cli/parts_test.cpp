@@ -219,6 +219,12 @@ TEST_F(Parts, ADamagedStateIsRefused) {
         if (result.code != 2) expect_same("y.exr", "whole.exr");
     }
     EXPECT_GT(refused, 3);
+    std::string older = good;
+    const size_t version = older.find("marram frame state 5");
+    ASSERT_NE(version, std::string::npos);
+    older[version + 19] = '4';
+    folder.write(second, older);
+    expect_refused(merge({first, second}, "x.exr"), "is of another version of the program");
     EXPECT_FALSE(fs::exists(folder / "x.exr"));
     folder.write(second, good);
     EXPECT_DONE(merge({second, first}, "x.exr"));

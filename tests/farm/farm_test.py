@@ -62,12 +62,13 @@ def names(folder, frames):
 
 
 def logs(folder):
-    """The lines of all tasks of the last submit."""
+    """The lines of all tasks of the last submit, but names of states that a task has saved when it was stopped."""
     lines = []
     for file in os.listdir(f"{folder}/a.farm"):
         if file.startswith(("parts.", "merge.")) and file.endswith(".log"):
+            done = os.path.exists(f"{folder}/a.farm/{file[:-4]}.done")
             with open(f"{folder}/a.farm/{file}") as handle:
-                lines += handle.read().splitlines()
+                lines += [line for line in handle.read().splitlines() if done or not line.endswith(".state.tif")]
     return lines
 
 
@@ -79,9 +80,9 @@ def sheet(folder):
 class Submits:
     """Submits of one output, until all is there. Counts how often each picture was finished."""
 
-    def __init__(self, slurm, folder, pictures, *arguments):
+    def __init__(self, slurm, folder, pictures, *arguments, parts=()):
         self.slurm, self.folder, self.pictures, self.arguments = slurm, folder, pictures, arguments
-        self.finished = dict.fromkeys(pictures, 0)
+        self.finished = dict.fromkeys([*pictures, *parts], 0)
         self.stamps = {}
 
     def begin(self):
@@ -101,8 +102,8 @@ class Submits:
 
     def check_all(self, reference):
         check(f"{self.folder}: all {len(self.pictures)} pictures have the bits of a single run", bits(self.pictures) == reference)
-        twice = {picture: count for picture, count in self.finished.items() if count > 1}
-        check(f"{self.folder}: no picture is finished twice", not twice, twice)
+        twice = {file: count for file, count in self.finished.items() if count > 1}
+        check(f"{self.folder}: nothing is finished twice", not twice, twice)
 
 
 def running(slurm, node=None):
@@ -194,6 +195,32 @@ def array(slurm, chance, reference):
     for picture in chance.sample(work.pictures, 3):
         told = subprocess.run([marram, "compare", picture, picture.replace("array", "one")], capture_output=True, text=True)
         check(f"marram compare: {picture}", told.returncode == 0 and "every number is the same" in told.stdout, told.stdout)
+
+
+def ranges(slurm, chance):
+    """One frame over 8 ranges of samples, merged."""
+    if "--samples " not in subprocess.run([marram, "render", "--help"], capture_output=True, text=True).stdout:
+        print("SKIPPED: ranges of samples: the program has no --samples")
+        return
+    one("whole", 7, "--spp", "1600")
+    picture = "ranges/a.0007.exr"
+    parts = [f"{picture}.samples_{first}_{first + 199}.state.tif" for first in range(0, 1600, 200)]
+    work = Submits(slurm, "ranges", [picture], "--frames=7", "--spp=1600", "--samples-per-task=200", parts=parts)
+    work.begin()
+    for how in ("kill -9", "scancel"):
+        job, pid = wait_for_task(slurm, chance)
+        if how == "scancel":
+            slurm.run("scancel", "--signal=KILL", "--full", job, check=False)
+        else:
+            kill(pid)
+        wait_for("it ends", gone(pid))
+    check("without a range there is no picture", work.end() == 0 and "missing: 7" in sheet("ranges"), sheet("ranges"))
+    work.begin()
+    check("the second submit merges it", work.end() == 1, sheet("ranges"))
+    check("states of parts that are merged are gone", not any(map(os.path.exists, parts)))
+    work.begin()
+    work.end()
+    work.check_all(bits(names("whole", [7])))
 
 
 def warning(slurm, chance):
@@ -304,6 +331,8 @@ def main():
         with Slurm() as slurm:
             array(slurm, chance, reference)
             lap("an array")
+            ranges(slurm, chance)
+            lap("ranges of samples")
             warning(slurm, chance)
             lap("a warning")
             full_disk(slurm, reference)

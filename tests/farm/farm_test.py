@@ -40,6 +40,22 @@ width = 0.008
 """
 
 
+DUNES = """frames = [1, 6]
+camera = { position = [0, 20, 60], target = [0, 0, 0] }
+film = { size = [64, 36], samples = 4 }
+wind = { speed = 9 }
+light = [{ name = "sun", type = "sun", direction = [-1, 1, 1] }]
+material = [{ name = "loose", type = "diffuse" }]
+[[procedural]]
+name = "desert"
+type = "terrain"
+material = "loose"
+size = [63, 31]
+cell = 1
+layer = [{ type = "mass_desert", kind = "dome", height = [1, 2], spacing = [20, 30] }, { type = "dune_solver", days_per_frame = 2 }]
+"""
+
+
 def check(name, good, more=""):
     global failures
     failures += not good
@@ -283,6 +299,21 @@ def one(folder, frames, *options):
                    stdout=subprocess.DEVNULL)
 
 
+def simulated():
+    """Dunes: the first task leaves the states at which the others begin."""
+    subprocess.run([marram, "render", "dunes.toml", "-o", "one/d.####.exr", "--state", "own"], check=True, capture_output=True)
+    done = run_farm("dunes.toml", "-o", "dunes/d.####.exr", "--chunk=2", "--local=2")
+    frames = [f"d.{frame:04}.exr" for frame in range(1, 7)]
+    check("dunes: states first, the bits of a single run", done.returncode == 0 and done.stdout.startswith("states 1 of 1: done\nparts ") and
+          bits([f"dunes/{name}" for name in frames]) == bits([f"one/{name}" for name in frames]), done.stdout + done.stderr)
+    states = {file: os.path.getmtime(os.path.join(folder, file)) for folder, _, files in os.walk("dunes.states") for file in files}
+    first = os.path.getmtime("dunes/d.farm/states.0.done")
+    check("dunes: states of the frames at which tasks begin", {file for file, made in states.items() if made <= first} == {"3.state", "5.state"},
+          states)
+    dry = run_farm("dunes.toml", "--chunk=2", "--dry-run")
+    check("dunes: tasks wait for the states", "--dependency=afterok:JOBSTATES --array=0-2" in dry.stdout, dry.stdout)
+
+
 def without_slurm(reference):
     """The same plan here; mistakes; --dry-run."""
     here = run_farm("lawn.toml", "-o", "here/a.####.exr", "--frames=1-6", "--chunk=2", "--local=2")
@@ -326,6 +357,7 @@ def main():
     reference = bits(names("one", range(1, 41)))
     lap("single runs")
     without_slurm(reference)
+    simulated()
     lap("without Slurm")
     try:
         with Slurm() as slurm:
@@ -347,6 +379,8 @@ with tempfile.TemporaryDirectory(prefix="marram_farm_") as folder:
     os.chdir(folder)
     with open("lawn.toml", "w") as file:
         file.write(SCENE)
+    with open("dunes.toml", "w") as file:
+        file.write(DUNES)
     code = main()
     os.chdir("/")
 sys.exit(code)

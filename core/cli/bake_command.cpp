@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/cli/commands.h"
 #include "core/cli/interrupt.h"
+#include "core/cli/machine.h"
 #include "core/cli/memory.h"
 #include "core/cli/output.h"
 #include "core/cli/progress.h"
@@ -173,9 +174,11 @@ int bake_command(const BakeOptions& options) {
     }
     std::set<std::string> warnings; // already printed; each is printed once
     std::vector<FrameStats> stats(frames.size());
+    const uint64_t memory = memory_limit().value_or(0);
     for (size_t i = 0; i < frames.size(); ++i) {
         stats[i].frame = frames[i];
         stats[i].threads = threads;
+        stats[i].memory_limit = memory;
     }
     stats[0].load = load_seconds;
     stats[0].total = wall_seconds() - begin;

@@ -228,7 +228,7 @@ void add_render(CLI::App& app, Commands& c) {
                 "until Ctrl-C; mistakes are printed, and the picture stays")
             ->excludes(resume);
     for (CLI::Option* other : {samples_part, crop, keep}) watch->excludes(other);
-    add_checkpoint(*command, c.render.checkpoint);
+    add_checkpoint(*command, c.render.checkpoint)->check(number_between(1e-3, 1e9));
     add_claim(*command, c.render);
     command->callback([&c, command, frame] {
         const bool one_frame = frame->count() > 0;

@@ -112,16 +112,15 @@ void add_frame_lists(CLI::App& command, FrameRequest& frames) {
                      "nothing is written, and the exit code is 0");
 }
 
-void add_checkpoint(CLI::App& command, double& seconds) {
-    command
+CLI::Option* add_checkpoint(CLI::App& command, double& seconds) {
+    return command
         .add_option(
             "--checkpoint", seconds,
             "while tracing, save the film's state (OUT.exr.state.tif) so often that a process that is killed "
             "at any moment loses no more than this time and that of a save, or one sample a pixel where "
             "that takes longer, and the build; --resume goes on to the same bits")
         ->type_name("SECONDS")
-        ->check(CLI::Range(1e-3, 1e9))
-        ->excludes("--watch");
+        ->excludes(command.get_option("--watch"));
 }
 
 } // namespace marram

@@ -4,7 +4,8 @@
 
 namespace CLI {
 class App;
-}
+class Option;
+} // namespace CLI
 
 namespace marram {
 
@@ -19,8 +20,8 @@ void add_progress(CLI::App& command);
 // --frames-dialect and --skip-outside of a command that has --frames.
 void add_frame_lists(CLI::App& command, FrameRequest& frames);
 
-// --checkpoint. Call it after --watch has been added.
-void add_checkpoint(CLI::App& command, double& seconds);
+// --checkpoint, without a check of the number. Call it after --watch has been added.
+CLI::Option* add_checkpoint(CLI::App& command, double& seconds);
 
 // Takes --log and --progress from the command line before it is parsed: the mistakes of the others are
 // messages, too. Values that do not exist are left to the parser.

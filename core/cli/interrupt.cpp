@@ -22,6 +22,7 @@ std::atomic<int> exit_blockers{0};
 // The documentation promises an exit within a second. Sorting roots, for example, takes up to this time
 // before it polls interrupted().
 constexpr double grace_seconds = 0.4;
+constexpr double same_signal_seconds = 0.1; // timeout(1) sends its signal twice at once
 
 [[noreturn]] void exit_now() {
     remove_temporary_files();
@@ -36,9 +37,11 @@ void watch(sigset_t signals) {
     first_signal.store(signal); // before stop: who sees stop may ask for the exit code
     stop.store(true);
     const timespec pause{0, 20'000'000};
+    bool again = false;
     for (double waited = 0.0;; waited += 0.02) {
         timespec none{0, 0};
-        const bool again = sigtimedwait(&signals, nullptr, &none) == SIGINT;
+        const bool next = sigtimedwait(&signals, nullptr, &none) == SIGINT;
+        again = again || (next && waited > same_signal_seconds);
         if (waited > grace_seconds && (again || exit_blockers.load() == 0)) exit_now();
         nanosleep(&pause, nullptr);
     }

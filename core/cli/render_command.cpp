@@ -3,6 +3,7 @@
 #include "core/cli/exit_codes.h"
 #include "core/cli/frames_to_render.h"
 #include "core/cli/interrupt.h"
+#include "core/cli/machine.h"
 #include "core/cli/memory.h"
 #include "core/cli/output.h"
 #include "core/cli/progress.h"
@@ -244,6 +245,7 @@ bool render_watched(SceneWatch& watch, const RenderOptions& options, int threads
     const FrameFiles& files = plan.frames.front();
     stats.frame = files.frame;
     stats.threads = threads;
+    stats.memory_limit = memory_limit().value_or(0);
     StatsFile stats_file(options.stats);
     KeptGeometry kept;
     std::optional<Display> display;
@@ -314,6 +316,7 @@ int render_command(const RenderOptions& options) {
         FrameStats stats;
         stats.frame = files.frame;
         stats.threads = threads;
+        stats.memory_limit = memory_limit().value_or(0);
         stats.load = std::exchange(first, false) ? load_seconds : 0.0;
         std::optional<ExitBlocker> exit_blocker;
         bool saved = false;

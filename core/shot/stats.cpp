@@ -72,6 +72,7 @@ nlohmann::ordered_json to_json(const FrameStats& stats) {
                       {"curve_bytes", build.curve_bytes},
                       {"curve_extra_bytes", build.attribute_bytes},
                       {"volume_bytes", build.volume_bytes}};
+    if (stats.memory_limit > 0) json["memory"]["limit_bytes"] = stats.memory_limit;
     json["rays"] = stats.render.rays.intersect + stats.render.rays.occluded;
     json["dropped_rays"] = stats.render.rays.invalid;
     json["samples"] = {{"most", stats.render.max_samples}, {"mean", stats.render.mean_samples}}; // per pixel

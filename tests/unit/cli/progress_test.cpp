@@ -166,5 +166,26 @@ TEST(Progress, OfAnInterruptedRunIsNotWhole) {
     EXPECT_EQ(read_file(out).find("openjd_fail"), std::string::npos);
 }
 
+// A log that is silent for long is taken for a dead job: a procedural that hangs is no reason for silence.
+TEST(Progress, GivesSignsOfLifeWhileAFrameIsBuilt) {
+    const Folder folder;
+    const std::string scene = folder.write(
+        "a.toml", "[camera]\nposition = [0, 1, 4]\ntarget = [0, 0, 0]\n[[procedural]]\nname = \"stuck\"\n"
+                  "type = \"faulty_curves\"\nfault = \"stuck\"\nlibrary = \"" MARRAM_BINARY_DIR
+                  "/libfaulty_plugin.so\"\n");
+    const std::string out = folder / "out";
+    const pid_t child = ::fork();
+    if (child == 0) {
+        ::dup2(::open(out.c_str(), O_WRONLY | O_CREAT, 0600), STDOUT_FILENO);
+        run_program({"render", scene, "-o", folder / "a.exr", "--progress", "plain"});
+    }
+    while (lines(read_file(out)).size() < 3 && ::waitpid(child, nullptr, WNOHANG) == 0) ::usleep(50'000);
+    ::kill(child, SIGTERM);
+    int status = 0;
+    ASSERT_EQ(::waitpid(child, &status, 0), child);
+    EXPECT_EQ(exit_code(status), 143);
+    for (const std::string& line : lines(read_file(out))) EXPECT_TRUE(line.ends_with("%")) << line;
+}
+
 } // namespace
 } // namespace marram::testing

@@ -17,6 +17,7 @@
 #include <csignal>
 #include <cstdio>
 #include <cstring>
+#include <filesystem>
 
 #include <fcntl.h>
 #include <unistd.h>
@@ -62,11 +63,16 @@ int take_number_at_end(std::string_view& text) {
     return number;
 }
 
-// The place that a message begins with. A name without a line is not taken for one: it may be a sentence.
+// The place that a message begins with. A name without a line may be the begin of a sentence, so it is taken for
+// that of a file if there is one.
 Place place_at_begin(std::string_view line) {
     std::string_view text = line.substr(0, line.find(": "));
     const int last = take_number_at_end(text), first = take_number_at_end(text);
-    if (last == 0) return {};
+    if (last == 0) {
+        std::error_code error;
+        const bool is_file = text.size() < line.size() && std::filesystem::is_regular_file(text, error);
+        return {is_file ? std::string(text) : "", 0, 0};
+    }
     if (first == 0) return {std::string(text), last, 0};
     return {std::string(text), first, last};
 }

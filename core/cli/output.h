@@ -32,7 +32,8 @@ std::string time_text();
 void open_standard_streams();
 
 // Writes a message, one line without its end, to standard error. A failed write (a full disk, a closed pipe) is
-// ignored. A text that begins with a place, "file:line:column: ", has it in the JSON object as well.
+// ignored. A text that begins with a place, "file:line:column: " or the name of a file that is there, has it in
+// the JSON object as well.
 void write_message(LogLevel level, std::string_view line);
 
 // The same for the message of a lack of memory: nothing is allocated.

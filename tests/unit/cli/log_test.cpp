@@ -64,6 +64,7 @@ TEST(Log, HasWarningsAndInformation) {
     const std::vector<nlohmann::json> both = objects(second.err);
     ASSERT_EQ(both.size(), 2u) << second.err;
     EXPECT_EQ(both[1]["level"], "info");
+    EXPECT_EQ(both[1]["file"], folder / "a.png");
     EXPECT_EQ(both[1]["text"], folder / "a.png" + ": is there already");
 }
 

@@ -11,7 +11,8 @@ namespace marram {
 // time is up. All long computations poll it.
 const std::atomic<bool>& interrupted();
 
-// Exit code of a run that was interrupted: 128 + the number of the first signal; exit_interrupted if none came.
+// Exit code of a run that was interrupted: 128 + the number of the first signal; exit_interrupted if none
+// came.
 int interrupt_exit_code();
 
 // "SIGTERM", of the first signal; "" if none came.

@@ -2,8 +2,8 @@
 // What the system allows this process: control groups (containers, batch systems) and Slurm.
 //
 // Limits of a control group hold for all below it, so the smallest from the process's group up counts. Both
-// versions of Linux's control groups are read, wherever they are mounted. A file that is not there, or cannot be
-// read, limits nothing.
+// versions of Linux's control groups are read, wherever they are mounted. A file that is not there, or cannot
+// be read, limits nothing.
 #pragma once
 
 #include <cstdint>
@@ -20,8 +20,8 @@ std::optional<double> processor_quota(const std::string& root = "");
 // Bytes that the control groups allow; nullopt: no limit. The kernel kills a process that goes beyond.
 std::optional<uint64_t> memory_limit(const std::string& root = "");
 
-// Threads to use where nobody has chosen: `processors`, but no more than the quota, rounded up, and no more than
-// SLURM_CPUS_PER_TASK.
+// Threads to use where nobody has chosen: `processors`, but no more than the quota, rounded up, and no more
+// than SLURM_CPUS_PER_TASK.
 int threads_allowed(int processors, const std::string& root = "");
 
 } // namespace marram

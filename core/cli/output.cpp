@@ -63,8 +63,8 @@ int take_number_at_end(std::string_view& text) {
     return number;
 }
 
-// The place that a message begins with. A name without a line may be the begin of a sentence, so it is taken for
-// that of a file if there is one.
+// The place that a message begins with. A name without a line may be the begin of a sentence, so it is taken
+// for that of a file if there is one.
 Place place_at_begin(std::string_view line) {
     std::string_view text = line.substr(0, line.find(": "));
     const int last = take_number_at_end(text), first = take_number_at_end(text);

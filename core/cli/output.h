@@ -17,9 +17,9 @@ struct Problem;
 enum class LogFormat { text, time, json };
 enum class LogLevel { info, warning, error };
 
-// How messages are written from this call on: as lines of text, as such lines with the time before them, or as
-// one JSON object a line: time (RFC 3339, UTC), level, id, file, line, column, and either what and fix of a
-// Problem, or text. An id or place that a message has not is "" or 0.
+// How messages are written from this call on: as lines of text, as such lines with the time before them, or
+// as one JSON object a line: time (RFC 3339, UTC), level, id, file, line, column, and either what and fix of
+// a Problem, or text. An id or place that a message has not is "" or 0.
 void set_log_format(LogFormat format);
 LogFormat log_format();
 
@@ -31,9 +31,9 @@ std::string time_text();
 // initialisers.
 void open_standard_streams();
 
-// Writes a message, one line without its end, to standard error. A failed write (a full disk, a closed pipe) is
-// ignored. A text that begins with a place, "file:line:column: " or the name of a file that is there, has it in
-// the JSON object as well.
+// Writes a message, one line without its end, to standard error. A failed write (a full disk, a closed pipe)
+// is ignored. A text that begins with a place, "file:line:column: " or the name of a file that is there, has
+// it in the JSON object as well.
 void write_message(LogLevel level, std::string_view line);
 
 // The same for the message of a lack of memory: nothing is allocated.

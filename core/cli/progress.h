@@ -39,9 +39,9 @@ void set_progress_style(ProgressStyle style);
 
 // The lines of one style, and when they are due. Knows no clock and prints nothing.
 //
-// A run has parts, such as frames. Within a part, what is built takes the share build_share, and is counted by
-// its phases, whose number is not known: each takes half of what is left of the share. Then follows the phase
-// with ProgressState::of_the_rest. The fraction never decreases, and stays below 1 until done().
+// A run has parts, such as frames. Within a part, what is built takes the share build_share, and is counted
+// by its phases, whose number is not known: each takes half of what is left of the share. Then follows the
+// phase with ProgressState::of_the_rest. The fraction never decreases, and stays below 1 until done().
 class ProgressText {
   public:
     ProgressText(ProgressStyle style, double build_share) : style_(style), build_share_(build_share) {}
@@ -49,8 +49,8 @@ class ProgressText {
     // What follows goes from `begin` to `end` of the run, 0 to 1.
     void begin_part(double begin, double end);
 
-    // The lines that are due, "" if none are. A line is due when the whole percentage or the phase has changed,
-    // at most once a second, and after 8 s in any case.
+    // The lines that are due, "" if none are. A line is due when the whole percentage or the phase has
+    // changed, at most once a second, and after 8 s in any case.
     std::string at(double seconds, const ProgressState& state);
     std::string done();                                 // the last line, 100 %
     std::string stopped(std::string_view reason) const; // instead of it; "" in most styles

@@ -67,7 +67,8 @@ struct RenderProgress {
     // Called by the thread that runs render(), between two passes, when no thread writes to the film. The
     // values of the layers are those of the last resolve(): resolve the film to get its current state.
     alignas(64) std::function<void(Film&)> between_passes;
-    // If above 0, passes are split so that it is called about twice in this time, or after each sample a pixel.
+    // If above 0, passes are split so that it is called about twice in this time, or after each sample a
+    // pixel.
     double seconds_between_passes = 0.0;
 };
 

@@ -32,11 +32,11 @@ struct FrameRequest {
     bool given() const { return frame || list; }
 };
 
-// Parses a list of frames separated by commas. Each part is a frame, a range A-B, a range with a step, A-BxS, or
-// the frames of a range that the step leaves out, A-ByS: "1-100x5,120". Numbers may be negative, padded, and
-// have up to six decimals: "-10--5", "0001-0010", "1-2x0.25". Returns the frames in the order of the list, each
-// once. Throws InputError with the column of the mistake in the place "OPTION LIST", also for what the dialect
-// does not have, and for more than a million frames.
+// Parses a list of frames separated by commas. Each part is a frame, a range A-B, a range with a step, A-BxS,
+// or the frames of a range that the step leaves out, A-ByS: "1-100x5,120". Numbers may be negative, padded,
+// and have up to six decimals: "-10--5", "0001-0010", "1-2x0.25". Returns the frames in the order of the
+// list, each once. Throws InputError with the column of the mistake in the place "OPTION LIST", also for what
+// the dialect does not have, and for more than a million frames.
 std::vector<double> parse_frames(const std::string& list, const std::string& option = "--frames",
                                  FrameDialect dialect = FrameDialect::marram);
 
@@ -46,7 +46,8 @@ std::vector<double> parse_frames(const std::string& list, const std::string& opt
 std::vector<double> frames_to_make(const FrameRequest& request, const Vec2d& scene_range,
                                    const std::string& output);
 
-// If the request says so, leaves out frames that are not of the scene, and returns a line about them, else "".
+// If the request says so, leaves out frames that are not of the scene, and returns a line about them, else
+// "".
 std::string skip_frames_outside(std::vector<double>& frames, const FrameRequest& request,
                                 const Vec2d& scene_range);
 

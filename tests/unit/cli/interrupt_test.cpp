@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Ctrl-C and other signals in each phase. The program runs on a terminal: its progress line shows when a phase has begun, so no
-// test depends on a clock.
+// Ctrl-C and other signals in each phase. The program runs on a terminal: its progress line shows when a
+// phase has begun, so no test depends on a clock.
 #include "program.h"
 
 namespace marram::testing {

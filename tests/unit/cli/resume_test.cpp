@@ -243,8 +243,8 @@ TEST_F(Resume, SomebodysPictureIsLeftAlone) {
     }
 }
 
-// By a clock that the test moves: the saved state never gets older than asked for while passes take as long as
-// the one before, and saving takes half of the time at most.
+// By a clock that the test moves: the saved state never gets older than asked for while passes take as long
+// as the one before, and saving takes half of the time at most.
 TEST(CheckpointTimes, KeepTheStateYoung) {
     double now = 100.0, cost = 0.0;
     int saves = 0;

@@ -22,6 +22,7 @@ constexpr size_t max_named = 3;         // frames that the line about waiting na
 FramesToRender::FramesToRender(const std::vector<FrameFiles>& frames, FrameChoice choice)
     : choice_(choice), claims_(choice.lease.value_or(default_lease)) {
     for (const FrameFiles& frame : frames) open_.push_back(&frame);
+    all_ = open_;
 }
 
 const std::atomic<bool>& FramesToRender::stop() const { return claim_ ? claim_->stop() : interrupted(); }
@@ -82,7 +83,11 @@ const FrameFiles* FramesToRender::next() {
         if (is_saved_) open_.erase(open_.begin() + std::ptrdiff_t(--at_));
         is_saved_ = false;
         if (at_ == open_.size()) {
-            if (open_.empty() || !choice_.lease) return nullptr;
+            if (!choice_.lease) return nullptr;
+            if (open_.empty()) {
+                for (const FrameFiles* frame : all_) claims_.remove_stale(frame->picture);
+                return nullptr;
+            }
             if (others_.size() == open_.size()) wait();
             others_.clear();
             at_ = 0;

@@ -40,6 +40,7 @@ class FramesToRender {
 
     FrameChoice choice_;
     Claims claims_;
+    std::vector<const FrameFiles*> all_;
     std::vector<const FrameFiles*> open_; // not known to be finished
     std::vector<std::string> others_;     // that others hold, since the pass began
     size_t at_ = 0;                       // in open_

@@ -360,4 +360,11 @@ Claims::Taken Claims::take(const std::string& output, const std::atomic<bool>& c
     return taken;
 }
 
+void Claims::remove_stale(const std::string& output) {
+    const std::string file = claim_name(output);
+    const Look look = look_at(file);
+    const std::optional<ClaimHolder> holder = parse_claim(look.text);
+    if (holder && !why_stale(file, look, &*holder).empty()) withdraw(file, look.text, look.changed);
+}
+
 } // namespace marram

@@ -87,6 +87,8 @@ class Claims {
     };
     // Does not wait. Throws InputError if a file of the claim's name is none, or the folder cannot be written.
     Taken take(const std::string& output, const std::atomic<bool>& cancel);
+    // Removes a stale claim on an output that is finished: its holder ended between saving and removing it.
+    void remove_stale(const std::string& output);
 
   private:
     struct Look { // at a claim

@@ -209,6 +209,22 @@ TEST_F(ClaimTest, IsNeverAFileOfTheUser) {
     EXPECT_TRUE(take().claim);
 }
 
+TEST_F(ClaimTest, OnWhatIsFinishedIsRemovedIfItIsStale) {
+    Claims claims;
+    claims.remove_stale(output);
+    const auto is_left = [&] {
+        claims.remove_stale(output);
+        return fs::exists(claim);
+    };
+    write_claim(elsewhere());
+    EXPECT_TRUE(is_left());
+    set_age(70.0);
+    EXPECT_FALSE(is_left());
+    folder.write("a.exr.claim", "notes");
+    set_age(70.0);
+    EXPECT_TRUE(is_left());
+}
+
 TEST_F(ClaimTest, HoldsAnyNumbers) {
     for (const char* number : {"1e300", "-5", "null", "[]", "18446744073709551615", "0"}) {
         std::string text = claim_text(elsewhere());
@@ -322,7 +338,11 @@ TEST_F(RenderWithClaims, SharesFrames) {
     }
     EXPECT_EQ(folder.names(), pictures());
     for (int frame = 1; frame <= 12; ++frame) EXPECT_EQ(said()[picture(frame)], 1) << frame;
+    ClaimHolder dead = this_holder(60.0); // ended between saving and removing its claim
+    ++dead.started;
+    folder.write("f.0005.exr.claim", claim_text(dead));
     const ProgramResult again = marram(command({"--quiet"}));
+    EXPECT_EQ(folder.names(), pictures());
     EXPECT_EQ(again.code, 0) << again.err;
     EXPECT_EQ(again.out, "");
 }

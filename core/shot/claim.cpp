@@ -10,6 +10,7 @@
 #include <array>
 #include <cerrno>
 #include <csignal>
+#include <cstdlib>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
@@ -105,7 +106,8 @@ std::optional<ClaimHolder> parse_claim(const std::string& text) {
     ClaimHolder holder{text_of("host"),           text_of("machine"),
                        int64_t(number_of("pid")), uint64_t(number_of("started")),
                        text_of("token"),          number_of("lease")};
-    if (holder.token.empty() || !(holder.lease > 0.0)) return {};
+    constexpr double max_lease = 1e6; // s
+    if (holder.token.empty() || !(holder.lease > 0.0) || holder.lease > max_lease) return {};
     return holder;
 }
 
@@ -191,18 +193,26 @@ bool create(const std::string& file, const std::string& text) {
     fail(file, why);
 }
 
-// Takes the claim away if its text is still this and it has not been renewed since `changed`, if that is given.
+// When a claim was last renewed, as its taker has seen it. A renewal after that moves the time by more than a lease;
+// file systems round times, and the cache of a client may not have.
+struct LastRenewal {
+    int64_t time = 0, tolerance = 0; // ns
+};
+
+// Takes the claim away if its text is still this, and it has not been renewed since `last`, if that is given.
 // False: it keeps its name, or is gone.
-bool withdraw(const std::string& file, const std::string& text, std::optional<int64_t> changed = {}) {
+bool withdraw(const std::string& file, const std::string& text, std::optional<LastRenewal> last = {}) {
     if (const OpenClaim now(file); now.error() != 0 || read_all(now.descriptor()) != text) return false;
     TemporaryFile moved(file, file); // a name of our own; removed with what gets it
     if (::rename(file.c_str(), moved.name().c_str()) != 0) return false;
     moved.lock_again();
     struct stat status {};
-    const bool renewed =
-        changed && (::fstat(moved.descriptor(), &status) != 0 || nanoseconds(status.st_mtim) != *changed);
+    const bool renewed = last && (::fstat(moved.descriptor(), &status) != 0 ||
+                                  std::abs(nanoseconds(status.st_mtim) - last->time) > last->tolerance);
     if (!renewed && read_all(moved.descriptor()) == text) return true;
-    (void)::link(moved.name().c_str(), file.c_str()); // if there is a newer claim, that one counts
+    // If there is a newer claim, that one counts.
+    if (::link(moved.name().c_str(), file.c_str()) != 0 && errno != EEXIST)
+        (void)::renameat2(AT_FDCWD, moved.name().c_str(), AT_FDCWD, file.c_str(), RENAME_NOREPLACE);
     return false;
 }
 
@@ -339,12 +349,18 @@ Claims::Taken Claims::take(const std::string& output, const std::atomic<bool>& c
     Taken taken;
     if (const Look look = look_at(file); look.exists) {
         const std::optional<ClaimHolder> holder = parse_claim(look.text);
-        if (!look.is_file || (!holder && !look.text.empty()))
+        const bool is_other = !look.is_file || (!holder && !look.text.empty());
+        if (is_other && look.is_file && 1e-9 * double(folder_now(file) - look.changed) < lease_) {
+            taken.holder = named(nullptr); // some systems may show half of its text for a moment
+            return taken;
+        }
+        if (is_other)
             throw InputError({file}, "this file is no claim of marram", "move it, or choose another output");
         const ClaimHolder* const known = holder ? &*holder : nullptr;
         const std::string why = why_stale(file, look, known);
         taken.holder = named(known);
-        if (why.empty() || !withdraw(file, look.text, look.changed)) return taken;
+        const LastRenewal last{look.changed, int64_t(0.5e9 * (known ? known->lease : lease_))};
+        if (why.empty() || !withdraw(file, look.text, last)) return taken;
         taken.taken_over = fmt::format("{}, {}", taken.holder, why);
     }
     const std::string text = claim_text(this_holder(lease_));
@@ -364,7 +380,8 @@ void Claims::remove_stale(const std::string& output) {
     const std::string file = claim_name(output);
     const Look look = look_at(file);
     const std::optional<ClaimHolder> holder = parse_claim(look.text);
-    if (holder && !why_stale(file, look, &*holder).empty()) withdraw(file, look.text, look.changed);
+    if (holder && !why_stale(file, look, &*holder).empty())
+        withdraw(file, look.text, LastRenewal{look.changed, int64_t(0.5e9 * holder->lease)});
 }
 
 } // namespace marram

@@ -9,6 +9,7 @@
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
+#include <array>
 #include <cctype>
 #include <filesystem>
 #include <fstream>
@@ -18,6 +19,7 @@
 #include <tuple>
 
 #include <fcntl.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 namespace marram {
@@ -244,7 +246,11 @@ void copy_file(const PackedFile& file, const fs::path& folder) {
     std::error_code error;
     fs::create_directories(to.parent_path(), error);
     if (!error) fs::copy_file(file.from, to, error);
-    if (!error) fs::last_write_time(to, fs::last_write_time(file.from, error), error);
+    struct stat status {};
+    if (!error && ::stat(file.from.c_str(), &status) == 0) {
+        const std::array<timespec, 2> times = {status.st_atim, status.st_mtim};
+        (void)::utimensat(AT_FDCWD, to.c_str(), times.data(), 0);
+    }
     if (error) PackingFolder::fail(to.string(), error);
 }
 

@@ -35,9 +35,12 @@ class ClaimTest : public ::testing::Test {
     // Sets the claim's time of change, relative to now by the file system's clock.
     void set_age(double seconds) const {
         const std::string now = folder.write("now", "");
-        const auto change =
-            std::chrono::duration_cast<fs::file_time_type::duration>(std::chrono::duration<double>(seconds));
-        fs::last_write_time(claim, fs::last_write_time(now) - change);
+        struct stat status {};
+        ASSERT_EQ(::stat(now.c_str(), &status), 0);
+        timespec time = status.st_mtim;
+        time.tv_sec -= time_t(seconds);
+        const timespec both[2] = {time, time}; // some FUSE file systems set none if one is left out
+        ASSERT_EQ(::utimensat(AT_FDCWD, claim.c_str(), both, 0), 0);
         fs::remove(now);
     }
     std::string text() const { return read_file(claim); }

@@ -9,10 +9,10 @@
 #include "core/image/sheet.h"
 #include "core/manual/command_text.h"
 #include "core/shot/bake.h"
+#include "core/shot/farm/merge.h"
 #include "core/shot/film_part.h"
 #include "core/shot/frame_list.h"
 #include "core/shot/layer_picture.h"
-#include "core/shot/merge.h"
 #include "core/shot/shot.h"
 
 #include <optional>
@@ -49,7 +49,7 @@ struct RenderOptions : CommonOptions {
     double seconds = 0.0;                  // time limit for tracing a frame; 0: none
     bool keep_state = false;
     PartRequest part;
-    std::string after; // FrameOptions::after
+    std::string after;       // FrameOptions::after
     double checkpoint = 0.0; // largest age of the saved state, seconds; 0: none is saved
 };
 

@@ -2,7 +2,7 @@
 // The frames that a run renders, one after the other, alone or with other processes (--claim).
 #pragma once
 
-#include "core/shot/claim.h"
+#include "core/shot/farm/claim.h"
 #include "core/shot/frame.h"
 
 #include <memory>

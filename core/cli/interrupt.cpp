@@ -3,7 +3,7 @@
 #include "core/cli/exit_codes.h"
 
 #include "core/image/atomic_file.h"
-#include "core/shot/claim.h"
+#include "core/shot/farm/claim.h"
 
 #include <csignal>
 #include <ctime>

@@ -3,7 +3,7 @@
 #include "core/cli/interrupt.h"
 #include "core/cli/output.h"
 #include "core/image/image_library.h"
-#include "core/shot/merge.h"
+#include "core/shot/farm/merge.h"
 
 namespace marram {
 

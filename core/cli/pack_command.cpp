@@ -2,7 +2,7 @@
 #include "core/cli/commands.h"
 #include "core/cli/interrupt.h"
 #include "core/cli/output.h"
-#include "core/shot/pack.h"
+#include "core/shot/farm/pack.h"
 
 #include <tbb/global_control.h>
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/cli/scene_options.h"
 
-#include "core/shot/claim.h"
+#include "core/shot/farm/claim.h"
 
 #include <string>
 #include <utility>

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The state of a frame, or of a part of it: the film's sample sums, in a file. --resume continues from an
-// unfinished one, which lies beside the picture; `marram merge` adds finished ones (merge.h).
+// unfinished one, which lies beside the picture; `marram merge` adds finished ones (farm/merge.h).
 //
 // The file is a TIFF of words of 32 bits (core/image/words.h) for the pixels of the parts' bounds. A pixel
 // holds the sums of all layers in their order (Film::sums, 4 words each), their counts, the fields of

@@ -33,7 +33,7 @@ struct FrameOptions {
     double seconds = 0.0;            // time limit for tracing a frame; 0: none
     bool resume = false;
     bool keep_state = false; // of finished pictures
-    PartRequest part;        // rendered alone, to a state that merge_states() (merge.h) takes
+    PartRequest part;        // rendered alone, to a state that merge_states() (farm/merge.h) takes
     // A state of the whole picture, with all samples before those of the part; #### for the frame; "": none.
     std::string after;
 };

@@ -3,7 +3,7 @@
 // no test waits for a lease.
 #include "program.h"
 
-#include "core/shot/claim.h"
+#include "core/shot/farm/claim.h"
 
 #include <sys/stat.h>
 

@@ -3,7 +3,7 @@
 #include "program.h"
 
 #include "core/image/image.h"
-#include "core/shot/pack.h"
+#include "core/shot/farm/pack.h"
 
 #include <chrono>
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "core/shot/pack.h"
+#include "core/shot/farm/pack.h"
 
 #include "core/image/atomic_file.h"
 #include "core/scene/edit.h"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "core/shot/merge.h"
+#include "core/shot/farm/merge.h"
 
 #include "core/image/atomic_file.h"
 #include "core/image/run_files.h"

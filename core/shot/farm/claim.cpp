@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "core/shot/claim.h"
+#include "core/shot/farm/claim.h"
 
 #include "core/image/atomic_file.h"
 #include "core/math/problem.h"

@@ -10,9 +10,11 @@
 namespace marram::testing {
 namespace {
 
-const std::atomic<bool> never{false};
+const std::atomic<bool> never_stopped{false};
 
-std::string triangle(double height) { return fmt::format("v 0 0 0\nv 1 0 0\nv 0 0 {}\nf 1 3 2\n", height); }
+std::string triangle_obj(double height) {
+    return fmt::format("v 0 0 0\nv 1 0 0\nv 0 0 {}\nf 1 3 2\n", height);
+}
 
 const std::string plain_scene = "[camera]\nposition = [0, 1, 4]\ntarget = [0, 0, 0]\n";
 const std::string mesh_scene =
@@ -26,14 +28,15 @@ class SceneDigest : public ::testing::Test {
     // Writes a scene into a folder of its own, with meshes.
     std::string write(const std::string& name, const std::string& text) const {
         fs::create_directories(folder / (name + "/meshes"));
-        folder.write(name + "/meshes/m.obj", triangle(1));
-        for (int i = 1; i <= 3; ++i) folder.write(fmt::format("{}/meshes/m.{:02}.obj", name, i), triangle(i));
+        folder.write(name + "/meshes/m.obj", triangle_obj(1));
+        for (int i = 1; i <= 3; ++i)
+            folder.write(fmt::format("{}/meshes/m.{:02}.obj", name, i), triangle_obj(i));
         return folder.write(name + "/scene.toml", text);
     }
     static uint64_t digest(const std::string& scene, const std::vector<std::string>& settings = {}) {
         Overrides overrides;
         overrides.settings = settings;
-        const Shot shot = load_shot(scene, overrides, never);
+        const Shot shot = load_shot(scene, overrides, never_stopped);
         FrameOptions options;
         options.scene = scene;
         return shot_digest(shot, options, settings);
@@ -52,7 +55,7 @@ TEST_F(SceneDigest, IsTheSameInAnotherFolderAtAnotherTime) {
 
 TEST_F(SceneDigest, ChangesWithOneByteOfAFile) {
     const std::string a = write("a", mesh_scene), b = write("b", mesh_scene);
-    folder.write("b/meshes/m.obj", triangle(2)); // the same size
+    folder.write("b/meshes/m.obj", triangle_obj(2)); // the same size
     fs::last_write_time(folder / "b/meshes/m.obj", fs::last_write_time(folder / "a/meshes/m.obj"));
     EXPECT_NE(digest(a), digest(b));
 }
@@ -61,9 +64,9 @@ TEST_F(SceneDigest, ChangesWithTheOrderOfFiles) {
     const std::string two =
         mesh_scene + "[[mesh]]\nname = \"n\"\ntype = \"file\"\nfile = \"meshes/m.01.obj\"\n";
     const std::string a = write("a", two), b = write("b", two);
-    folder.write("b/meshes/m.obj", triangle(7));
-    folder.write("b/meshes/m.01.obj", triangle(1));
-    folder.write("a/meshes/m.01.obj", triangle(7));
+    folder.write("b/meshes/m.obj", triangle_obj(7));
+    folder.write("b/meshes/m.01.obj", triangle_obj(1));
+    folder.write("a/meshes/m.01.obj", triangle_obj(7));
     EXPECT_NE(digest(a), digest(b));
 }
 
@@ -89,7 +92,7 @@ TEST_F(SceneDigest, OfASequenceIsByNameSizeAndTime) {
     EXPECT_EQ(digest(a), digest(b));
     set_time(folder / "b/meshes/m.02.obj", 5000);
     EXPECT_NE(digest(a), digest(b));
-    folder.write("b/meshes/m.02.obj", triangle(2.25));
+    folder.write("b/meshes/m.02.obj", triangle_obj(2.25));
     copy_times();
     EXPECT_NE(digest(a), digest(b));
 }

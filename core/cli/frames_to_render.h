@@ -17,8 +17,8 @@ struct FrameChoice {
     bool quiet = false;
 };
 
-// With claims every frame is there at the end: those that others render are waited for, and taken over if they
-// end without having finished. Prints which frames are left out.
+// With claims every frame is there at the end: those that others render are waited for, and taken over if
+// they end without having finished. Prints which frames are left out.
 class FramesToRender {
   public:
     FramesToRender(const std::vector<FrameFiles>& frames, FrameChoice choice);

@@ -43,7 +43,7 @@ bool same_part(const std::string& a, const std::string& b, PathFormat format) {
     });
 }
 
-// ---- Files of rules ----------------------------------------------------------------------------------------
+// ---- Files of rules -------------------------------------------------------------------------------------
 
 // Where the values of a JSON text begin. A parser of its own keeps places and no values: nlohmann-json's tree
 // has none.

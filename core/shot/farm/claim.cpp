@@ -193,8 +193,8 @@ bool create(const std::string& file, const std::string& text) {
     fail(file, why);
 }
 
-// When a claim was last renewed, as its taker has seen it. A renewal after that moves the time by more than a lease;
-// file systems round times, and the cache of a client may not have.
+// When a claim was last renewed, as its taker has seen it. A renewal after that moves the time by more than a
+// lease; file systems round times, and the cache of a client may not have.
 struct LastRenewal {
     int64_t time = 0, tolerance = 0; // ns
 };
@@ -237,7 +237,7 @@ ClaimHolder this_holder(double lease) {
     return {host.data(), this_machine(), ::getpid(), state ? state->started : 0, token, lease};
 }
 
-// ---- A claim that is held ----------------------------------------------------------------------------------
+// ---- A claim that is held -------------------------------------------------------------------------------
 
 Claim::Claim(std::string file, std::string text, double lease, const std::atomic<bool>& cancel)
     : file_(std::move(file)), text_(std::move(text)), lease_(lease), cancel_(cancel) {
@@ -303,7 +303,7 @@ void remove_claims() {
             ::unlink(file.c_str());
 }
 
-// ---- Taking claims -----------------------------------------------------------------------------------------
+// ---- Taking claims --------------------------------------------------------------------------------------
 
 Claims::Look Claims::look_at(const std::string& file) {
     const OpenClaim now(file);

@@ -1,22 +1,22 @@
 // SPDX-License-Identifier: Apache-2.0
-// Claims: processes on several machines that share a folder agree on who makes which output. No scheduler and no
-// server is needed, only the folder.
+// Claims: processes on several machines that share a folder agree on who makes which output. No scheduler and
+// no server is needed, only the folder.
 //
 // The claim of a.exr is the file a.exr.claim beside it. It says who holds it: host, process, a random token.
 //
 //   Create    The text is written to a temporary file, and link(2) gives it the claim's name: one process
-//             succeeds, and nobody sees a claim without its text. An NFS server may do what a client asks and lose
-//             the answer; the client then hears that the name is taken. So if link() fails, the count of links
-//             tells: 2, and the claim is ours. (O_EXCL is atomic on NFS since version 3, but has neither property;
-//             it is used where the file system has no links.)
-//   Renew     Every fifth of the lease the holder sets the claim's time of change to "now", which on NFS is the
-//             server's now.
+//             succeeds, and nobody sees a claim without its text. An NFS server may do what a client asks and
+//             lose the answer; the client then hears that the name is taken. So if link() fails, the count of
+//             links tells: 2, and the claim is ours. (O_EXCL is atomic on NFS since version 3, but has
+//             neither property; it is used where the file system has no links.)
+//   Renew     Every fifth of the lease the holder sets the claim's time of change to "now", which on NFS is
+//             the server's now.
 //   Judge     Times are compared with the time of a file that was touched in the same folder, never with the
 //             clock of a machine: clocks may differ by minutes. A claim is stale if it has not been renewed
 //             for its lease, or if its process was on this machine, in this boot, and is dead.
-//   Take over The stale claim is renamed to a name of the taker's, and read again: if another taker was faster, it
-//             is that one's new claim, and if its holder woke up, it has been renewed. It then gets its name back.
-//             Else the claim is created as above.
+//   Take over The stale claim is renamed to a name of the taker's, and read again: if another taker was
+//             faster, it is that one's new claim, and if its holder woke up, it has been renewed. It then
+//             gets its name back. Else the claim is created as above.
 //   Publish   A holder that was suspended may have lost its claim: held() before the output is saved. That,
 //             and looking for the finished output after the claim was taken, is the caller's part.
 #pragma once
@@ -85,7 +85,8 @@ class Claims {
         std::string
             taken_over; // from whom and why, if the claim was stale: "process 12 of farm3, which has ended"
     };
-    // Does not wait. Throws InputError if a file of the claim's name is none, or the folder cannot be written.
+    // Does not wait. Throws InputError if a file of the claim's name is none, or the folder cannot be
+    // written.
     Taken take(const std::string& output, const std::atomic<bool>& cancel);
     // Removes a stale claim on an output that is finished: its holder ended between saving and removing it.
     void remove_stale(const std::string& output);

@@ -30,8 +30,8 @@ struct PackedScene {
 
 // Copies keep their time of change, numbers of frames and of tiles. All is written to a folder beside
 // request.folder, loaded again and compared with what was read, and then renamed: the folder is complete or
-// not there. A library is code, and is never copied: one that the scene names without a folder stays named, any
-// other is refused. Throws InputError, and Cancelled between two files; neither leaves anything behind.
+// not there. A library is code, and is never copied: one that the scene names without a folder stays named,
+// any other is refused. Throws InputError, and Cancelled between two files; neither leaves anything behind.
 PackedScene pack_scene(Shot shot, const PackRequest& request, const std::atomic<bool>& cancel);
 
 } // namespace marram

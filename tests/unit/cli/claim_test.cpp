@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Claims: several processes that share a folder make each output once. Times of claims are set by hand, so that
-// no test waits for a lease.
+// Claims: several processes that share a folder make each output once. Times of claims are set by hand, so
+// that no test waits for a lease.
 #include "program.h"
 
 #include "core/shot/farm/claim.h"
@@ -288,7 +288,7 @@ TEST_F(ClaimTest, IsTakenOverByOneOfMany) {
 
 } // namespace
 
-// ---- marram render --claim -----------------------------------------------------------------------------------
+// ---- marram render --claim ------------------------------------------------------------------------------
 
 namespace {
 

@@ -175,18 +175,25 @@ void check_part(const Shot& shot, const FrameOptions& options, const std::vector
     }
 }
 
-bool is_rendered(const FrameFiles& files) {
-    if (files.is_part) {
-        std::error_code error;
-        if (!fs::exists(files.state, error)) return false;
-        try {
-            const FilmState state = read_state(files.state);
-            return state.finished && state.samples_digest == files.samples_digest &&
-                   state.parts == std::vector{files.part};
-        } catch (const InputError&) { // damaged
-            return false;
-        }
+namespace {
+
+bool is_part_rendered(const FrameFiles& files) {
+    std::error_code error;
+    if (!files.is_part || !fs::exists(files.state, error)) return false;
+    try {
+        const FilmState state = read_state(files.state);
+        return state.finished && state.samples_digest == files.samples_digest &&
+               state.parts == std::vector{files.part};
+    } catch (const InputError&) { // damaged
+        return false;
     }
+}
+
+} // namespace
+
+bool is_rendered(const FrameFiles& files) {
+    // A whole picture has all parts, whose states may have been deleted since.
+    if (is_part_rendered(files)) return true;
     const auto is_whole = [&](const std::string& file) {
         return read_metadata(file, frame_key) == fmt::format("{}", files.frame) &&
                whole_metadata(file, digest_key) == files.digest;

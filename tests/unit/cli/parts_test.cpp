@@ -73,6 +73,10 @@ TEST_F(Parts, AreTheWholePictureBitForBit) {
     EXPECT_CONTAINS(marram(with({"render", scene, "-o", folder / "a.exr"}, again)).err, "is there already");
     EXPECT_CONTAINS(marram(with({"render", scene, "-o", folder / "a.exr", "--samples", "0-4"}, again)).err,
                     "a.exr.samples_0_4.state.tif: is there already");
+    // The picture has all parts, also those without a state.
+    EXPECT_CONTAINS(marram(with({"render", scene, "-o", folder / "a.exr", "--samples", "0-3"}, again)).err,
+                    "is there already");
+    EXPECT_FALSE(fs::exists(folder / "a.exr.samples_0_3.state.tif"));
     // Step by step, and to a PNG with a layer beside it.
     EXPECT_DONE(merge({states[0], states[1]}, "two.tif"));
     EXPECT_DONE(merge({"two.tif", states[2]}, "b.exr"));

@@ -19,10 +19,10 @@ int interrupt_exit_code();
 const char* interrupt_name();
 
 // From this call on, the signals set interrupted(). If the work has not ended 0.4 s later and no ExitBlocker
-// lives, the process removes its temporary files and claims and exits with interrupt_exit_code(). So it does then if
-// SIGINT has come again, more than 0.1 s after the first signal: somebody at a terminal cannot wait. Other
-// signals may be repeated while a picture and its state are being saved: batch systems and timeout(1) send
-// SIGTERM to a process and again to its group, the kernel sends SIGXCPU every second.
+// lives, the process removes its temporary files and claims and exits with interrupt_exit_code(). So it does
+// then if SIGINT has come again, more than 0.1 s after the first signal: somebody at a terminal cannot wait.
+// Other signals may be repeated while a picture and its state are being saved: batch systems and timeout(1)
+// send SIGTERM to a process and again to its group, the kernel sends SIGXCPU every second.
 void watch_interrupts();
 
 // While one of these lives, an interrupt waits until the work ends by itself, as a picture is being saved.

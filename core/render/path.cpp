@@ -2,8 +2,8 @@
 // A path leaves the camera and has vertices 0 (the first hit), 1, 2, ... (`depth`). Its
 // throughput beta (`throughput`) is the product of f cos / p over the directions sampled so far; beta'
 // includes the direction sampled at this vertex. Direct light at each vertex is the integral of f cos L over
-// directions. Its estimate is the sum of two, by two sampling strategies weighted by the power heuristic (Veach,
-// "Robust Monte Carlo Methods for Light Transport Simulation", 1997):
+// directions. Its estimate is the sum of two, by two sampling strategies weighted by the power heuristic
+// (Veach, "Robust Monte Carlo Methods for Light Transport Simulation", 1997):
 //
 //   light sampling (next-event estimation), with pdf l (LightSample::pdf, LightRadiance::pdf):
 //     (beta f cos L / l) * l^2 / (l^2 + p^2), if the shadow ray is not occluded;
@@ -11,8 +11,8 @@
 //     (beta' L) * p^2 / (l^2 + p^2), if the ray hits a light.
 //
 // Light that only one strategy can sample has weight 1: light seen directly by the camera, and delta lights.
-// Russian roulette (apply_russian_roulette), from vertex RenderSettings::roulette_depth on: a path continues with probability q = min(1, largest channel of
-// beta); beta is divided by q.
+// Russian roulette (apply_russian_roulette), from vertex RenderSettings::roulette_depth on: a path continues
+// with probability q = min(1, largest channel of beta); beta is divided by q.
 //
 // Shadow rays are subject to roulette too (direct_light). C (`estimate`) is the luminance that an unoccluded
 // light adds to a sample. S (`luminance_stddev`) is the standard deviation of one sample's luminance, from
@@ -35,8 +35,8 @@
 // distance. From each vertex on it spreads by at least 1 / sqrt(pi p): the radius, half the width, of a disc
 // of solid angle 1 / p, which the sampled direction represents. Surface curvature is ignored.
 //
-// A camera ray that hits a shadow catcher ends there: the light that arrives with and without shadows (PathRadiance::caught)
-// gives the picture's alpha (film.cpp).
+// A camera ray that hits a shadow catcher ends there: the light that arrives with and without shadows
+// (PathRadiance::caught) gives the picture's alpha (film.cpp).
 //
 // Random numbers come in sets of four (Sampler::get_4d). Set 0: film and lens; set 1: time (without a lens,
 // the first of the lens numbers is the time). Then two sets per vertex: the first for lights and roulette,

@@ -71,8 +71,8 @@ std::vector<ParamSpec> role_params();
 
 // Reads and checks a scene file. `settings` are "key=value" overrides of any key, applied before checking:
 // "film.samples=4", "wind.speed=4", "mesh.hill.file=x.obj", "procedural.grass.length=[0.2, 0.3]" (items are
-// addressed by name). `paths` is applied to each file name as it is written, before it is taken as relative to
-// the scene file's folder. The description keeps pointers into `schema`, which must outlive it.
+// addressed by name). `paths` is applied to each file name as it is written, before it is taken as relative
+// to the scene file's folder. The description keeps pointers into `schema`, which must outlive it.
 // Throws InputError with every mistake found. Cost: milliseconds.
 SceneDescription load_scene(const std::string& file, const std::vector<std::string>& settings,
                             const Schema& schema, const PathMap& paths = {});

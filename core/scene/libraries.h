@@ -19,8 +19,8 @@ struct LibraryName {
 
 // The `library` of every [[procedural]] that has one, after applying `settings`; each path once, in the order
 // of the file. Throws InputError if the file cannot be parsed. All other mistakes are left to load_scene().
-// allowed: libraries that the user has allowed by name. paths: as of load_scene(); a path that it leads to needs
-// the same permission as any other.
+// allowed: libraries that the user has allowed by name. paths: as of load_scene(); a path that it leads to
+// needs the same permission as any other.
 std::vector<LibraryName> scene_libraries(const std::string& file, const std::vector<std::string>& settings,
                                          const std::vector<std::string>& allowed = {},
                                          const PathMap& paths = {});

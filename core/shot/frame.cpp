@@ -85,7 +85,8 @@ FilmState state_of(const Frame& frame, bool finished) {
     return state;
 }
 
-// A setting that names a file says no more than its key: the file's contents are in the digest, its path is not.
+// A setting that names a file says no more than its key: the file's contents are in the digest, its path is
+// not.
 std::string setting_without_path(const std::string& setting, const std::vector<NamedFiles>& named) {
     const auto names_file = [&](const NamedFiles& one) {
         return one.value->place.file.starts_with("--set ") && setting.starts_with(one.key + "=") &&
@@ -282,6 +283,7 @@ void trace_frame(Frame& frame, const World& world, Preview& preview) {
     const Lights lights(frame.shot.lights, world); // computes skies the first time
     const double begin = wall_seconds();
     frame.stats.load += begin - before;
+    frame.begin += begin - before; // or the frame's total would count it twice
     FrameProgress& progress = frame.progress;
     progress.render.cancel = &frame.cancel;
     progress.render.between_passes = [&](Film&) {

@@ -52,9 +52,9 @@ struct FrameFiles {
 };
 
 // A digest of what all frames depend on: the scene file, the settings that override it, the files that the
-// scene names (files_digest() in scene/scene_files.h), the layers, the picture's size and the version; not the
-// number of samples, and not where files lie: copies of a scene, or mounts of one, in different folders give
-// the same digest, so that states of several machines go together.
+// scene names (files_digest() in scene/scene_files.h), the layers, the picture's size and the version; not
+// the number of samples, and not where files lie: copies of a scene, or mounts of one, in different folders
+// give the same digest, so that states of several machines go together.
 // Call it once, before rendering: the scene and its files may be edited during the run.
 uint64_t shot_digest(const Shot& shot, const FrameOptions& options, const std::vector<std::string>& settings);
 

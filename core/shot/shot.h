@@ -72,8 +72,8 @@ Shot load_shot(const std::string& file, const Overrides& overrides, const std::a
 // Takes other values of the scene, such as those of changed settings, into an open shot. `changed`: of the
 // same file, by describe_scene() with shot.plugins. What the change does not touch is kept; procedurals are
 // updated (MarramProcedural::update). False, and the shot is as before, if only load_shot() can take it:
-// items came, went or have another type, or a mesh or curves of files changed. Throws InputError with the mistakes;
-// the shot is then as before.
+// items came, went or have another type, or a mesh or curves of files changed. Throws InputError with the
+// mistakes; the shot is then as before.
 bool update_shot(Shot& shot, SceneDescription changed);
 
 // To be called before the world of a frame is built: lights and materials with keys become those of the

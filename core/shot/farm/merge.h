@@ -25,8 +25,8 @@ struct Merged {
 };
 
 // Throws InputError, and then nothing is written, for states that are damaged, unfinished, of another frame,
-// scene, size or version, or that have a sample twice; and where samples are missing, unless request.partial is
-// set or the output is a state. Memory: one film, and a row of each state at a time.
+// scene, size or version, or that have a sample twice; and where samples are missing, unless request.partial
+// is set or the output is a state. Memory: one film, and a row of each state at a time.
 Merged merge_states(const MergeRequest& request, const std::atomic<bool>& cancel);
 
 } // namespace marram

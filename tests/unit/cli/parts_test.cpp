@@ -202,7 +202,8 @@ TEST_F(Parts, ThatDoNotFitAreRefused) {
     EXPECT_CONTAINS(partial.err, "missing: samples 4-5 of pixels 0,0 to 16,12");
 }
 
-// Cut at every kilobyte, and with a bit turned at as many places: some bits of a TIFF's directory mean nothing.
+// Cut at every kilobyte, and with a bit turned at as many places: some bits of a TIFF's directory mean
+// nothing.
 TEST_F(Parts, ADamagedStateIsRefused) {
     const std::vector<std::string> small = {"--size", "8x6", "--spp", "2"};
     EXPECT_DONE(render("whole.exr", small));

@@ -172,6 +172,18 @@ def preempt(slurm, chance):
             return job
 
 
+def bring_back(slurm):
+    """node2, after it was down or drained."""
+    slurm.start_node("node2")
+
+    def is_back():
+        # Refused where slurmctld has taken the node back by itself when slurmd told that it is there.
+        slurm.run("scontrol", "update", "nodename=node2", "state=resume", check=False)
+        time.sleep(0.1)
+        return slurm.states()["node2"] in ("idle", "mixed", "allocated")
+    wait_for("node2 is there again", is_back)
+
+
 def mishaps(slurm, chance):
     """Whatever may happen to tasks, each at some moment of one."""
     job, pid = wait_for_task(slurm, chance)
@@ -191,9 +203,7 @@ def mishaps(slurm, chance):
     slurm.run("scontrol", "update", "nodename=node2", "state=down", "reason=test")
     print(f"    node2 fails with job {job}")
     wait_for("its task is given back", lambda: job_field(slurm, job, "JobState") != "RUNNING")
-    slurm.start_node("node2")
-    slurm.run("scontrol", "update", "nodename=node2", "state=resume")
-    wait_for("node2 is there again", lambda: slurm.states()["node2"] in ("idle", "mixed", "allocated"))
+    bring_back(slurm)
 
 
 def array(slurm, chance, reference):
@@ -282,8 +292,7 @@ def full_disk(slurm, reference):
     there = work.end()
     check("what the node with the full disk had is missing", there < 8 and "missing: " in sheet("full"), sheet("full"))
     stop(slurm.daemons["node2"])
-    slurm.start_node("node2")
-    slurm.run("scontrol", "update", "nodename=node2", "state=resume")
+    bring_back(slurm)
     work.begin()
     check("after its repair none is missing", work.end() == 8, sheet("full"))
     work.check_all(reference[:8])

@@ -229,20 +229,22 @@ void add_render(CLI::App& app, Commands& c) {
             ->excludes(resume);
     for (CLI::Option* other : {samples_part, crop, keep}) watch->excludes(other);
     add_checkpoint(*command, c.render.checkpoint)->check(number_between(1e-3, 1e9));
-    add_claim(*command, c.render);
+    add_claim(*command, c.render)->check(number_between(1.0, 86400.0));
     command->callback([&c, command, frame] {
         const bool one_frame = frame->count() > 0;
         if (command->count("--spp") > 0) c.render.overrides.samples = c.texts.samples;
         c.render.layers = split(c.texts.layers);
         const bool displays = command->count("--display") > 0;
-        c.chosen = [&c, one_frame, displays] {
+        c.chosen = [&c, command, one_frame, displays] {
             if (one_frame) c.render.frames.frame = c.texts.frame;
             if (!c.texts.size.empty()) c.render.overrides.size = parse_size(c.texts.size);
             for (const std::string& text : c.texts.pictures)
                 c.render.pictures.push_back(parse_layer_picture(text));
             if (displays) c.render.display = parse_display(c.texts.display);
-            if (!c.texts.samples_part.empty()) parse_samples(c.texts.samples_part, c.render.part);
-            if (!c.texts.crop.empty()) parse_crop(c.texts.crop, c.render.part);
+            if (command->count("--samples") > 0) parse_samples(c.texts.samples_part, c.render.part);
+            if (command->count("--after") > 0 && c.render.after.empty())
+                throw InputError({"--after"}, "the file has no name", "give a state, or leave --after out");
+            if (command->count("--crop") > 0) parse_crop(c.texts.crop, c.render.part);
             return render_command(c.render);
         };
     });
@@ -399,6 +401,8 @@ void add_merge(CLI::App& app, Commands& c) {
         ->allow_extra_args(false);
     command->add_flag("--partial", c.merge.partial,
                       "a picture even where samples are missing, under a name that says partial");
+    command->add_flag("--quiet", c.merge.quiet, "no progress line");
+    add_progress(*command);
     command->callback([&c] {
         c.chosen = [&c] {
             for (const std::string& text : c.texts.merged_pictures)

@@ -78,7 +78,9 @@ struct InfoOptions {
     PathMap paths;
 };
 
-using MergeOptions = MergeRequest;
+struct MergeOptions : MergeRequest {
+    bool quiet = false;
+};
 
 struct SheetOptions {
     std::vector<std::string> pictures;

@@ -30,7 +30,7 @@ const std::atomic<bool>& FramesToRender::stop() const { return claim_ ? claim_->
 bool FramesToRender::is_lost() const { return claim_ && claim_->lost(); }
 
 bool FramesToRender::may_save() {
-    if (!claim_ || claim_->held()) return true;
+    if (holds()) return true;
     print_message("{}: another process has taken its claim over, and renders it: not saved\n",
                   output_of(*current_));
     return false;
@@ -85,7 +85,7 @@ const FrameFiles* FramesToRender::next() {
         if (at_ == open_.size()) {
             if (!choice_.lease) return nullptr;
             if (open_.empty()) {
-                for (const FrameFiles* frame : all_) claims_.remove_stale(frame->picture);
+                for (const FrameFiles* frame : all_) claims_.remove_stale(output_of(*frame));
                 return nullptr;
             }
             if (others_.size() == open_.size()) wait();

@@ -29,9 +29,9 @@ class FramesToRender {
     // Of the frame that next() has returned:
     const std::atomic<bool>& stop() const; // set when its work is to end: an interrupt, or its claim is lost
     bool is_lost() const;                  // another process has it: it is not to be saved
-    // Whether it may be saved. If not, says so.
-    bool may_save();
-    void saved() { is_saved_ = true; } // it need not be looked at again
+    bool holds() const { return !claim_ || claim_->held(); } // whether it may be saved
+    bool may_save();                                         // the same; if not, says so
+    void saved() { is_saved_ = true; }                       // it need not be looked at again
 
   private:
     const FrameFiles* claimed(const FrameFiles& frame);

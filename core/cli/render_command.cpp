@@ -37,7 +37,10 @@ namespace {
 // Preview and statistics files may be shared by several frames.
 void check_outputs(const Shot& shot, const std::vector<FrameFiles>& frames, const RenderOptions& options) {
     load_image_library();
-    RunFiles files(files_read(shot, options.scene));
+    std::vector<std::string> read = files_read(shot, options.scene);
+    for (const FrameFiles& frame : frames)
+        if (!options.after.empty()) read.push_back(numbered(options.after, frame.frame));
+    RunFiles files(read);
     std::set<std::string> previews, stats;
     for (const FrameFiles& frame : frames) {
         const std::string partial = partial_name(frame.picture);
@@ -154,12 +157,18 @@ void finish(std::optional<Display>& display) {
     print_fault(*display);
 }
 
+// Asked before anything is saved: of a frame that another process has taken over, nothing is.
+struct SavePermission {
+    std::function<bool()> holds = [] { return true; };
+    std::function<bool()> ask = [] { return true; }; // says so, too, if not
+};
+
 // Renders one frame to its files. kept: geometry kept from frame to frame. exit_blocker: set from the start
 // of tracing, so that an interrupt does not prevent saving. What a saved scene, or the loss of a claim, has
-// stopped is left. may_save: asked before anything is saved.
+// stopped is left.
 void render_frame(Frame& frame, KeptGeometry& kept, RunProgress& run, const RenderOptions& options,
                   std::optional<ExitBlocker>& exit_blocker, std::optional<Display>& display,
-                  const std::function<bool()>& may_save) {
+                  const SavePermission& permission) {
     Preview preview(frame.files.preview.empty() ? std::function<void()>() : [&] { save_preview(frame); });
     const auto state = [&] { return state_of(frame.progress, run.prefix()); };
     std::optional<FilmDisplay> shown;
@@ -176,7 +185,9 @@ void render_frame(Frame& frame, KeptGeometry& kept, RunProgress& run, const Rend
         print_message("{}", resumed.message);
     if (display) print_fault(*display);
     exit_blocker.emplace();
-    Checkpoint checkpoint(options.checkpoint, [&] { save_checkpoint(frame); });
+    Checkpoint checkpoint(options.checkpoint, [&] {
+        if (permission.holds()) save_checkpoint(frame);
+    });
     frame.progress.render.seconds_between_passes = options.checkpoint;
     bool warned = false;
     frame.between_passes = [&] {
@@ -192,7 +203,7 @@ void render_frame(Frame& frame, KeptGeometry& kept, RunProgress& run, const Rend
     kept = kept_geometry(*std::move(world)); // free the rest: saving may need the memory
     world.reset();
     const bool cancelled = frame.stats.render.cancelled;
-    if ((cancelled && !interrupted()) || !may_save()) return;
+    if ((cancelled && !interrupted()) || !permission.ask()) return;
     run.phase("saving");
     save(frame, preview, options); // first: it needs less memory
     if (shown && !cancelled) shown->show(frame.film);
@@ -254,7 +265,7 @@ bool render_watched(SceneWatch& watch, const RenderOptions& options, int threads
     std::optional<ExitBlocker> exit_blocker;
     tbb::task_arena(threads).execute([&] {
         Frame frame{shot, plan.options, files, layer_names(shot, plan.options.layers), watch.stop(), stats};
-        render_frame(frame, kept, run, options, exit_blocker, display, [] { return true; });
+        render_frame(frame, kept, run, options, exit_blocker, display, {});
     });
     const bool cancelled = stats.render.cancelled;
     if (cancelled && !interrupted()) return true;
@@ -320,12 +331,13 @@ int render_command(const RenderOptions& options) {
         stats.load = std::exchange(first, false) ? load_seconds : 0.0;
         std::optional<ExitBlocker> exit_blocker;
         bool saved = false;
-        const auto may_save = [&] { return saved = frames.may_save(); };
+        const SavePermission permission{[&] { return frames.holds(); },
+                                        [&] { return saved = frames.may_save(); }};
         try {
             arena.execute([&] {
                 Frame frame{shot,          plan.options, files, layer_names(shot, plan.options.layers),
                             frames.stop(), stats};
-                render_frame(frame, kept, run, options, exit_blocker, display, may_save);
+                render_frame(frame, kept, run, options, exit_blocker, display, permission);
             });
         } catch (const Cancelled&) {
             if (!frames.is_lost() || interrupted()) throw;

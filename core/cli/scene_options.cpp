@@ -34,7 +34,7 @@ void add_path_map(CLI::App& command, PathMap& paths) {
         ->allow_extra_args(false);
 }
 
-void add_claim(CLI::App& command, RenderOptions& options) {
+CLI::Option* add_claim(CLI::App& command, RenderOptions& options) {
     CLI::Option* claim = command
                              .add_flag_callback(
                                  "--claim",
@@ -49,13 +49,12 @@ void add_claim(CLI::App& command, RenderOptions& options) {
                                  "Like --resume it leaves out and goes on with what was begun")
                              ->excludes(command.get_option("--watch"))
                              ->excludes(command.get_option("--seconds"));
-    command
+    return command
         .add_option(
             "--lease", options.lease,
             "seconds after which the claim of a process that has gone silent, on another machine, is taken "
             "over; default: 60")
         ->type_name("SECONDS")
-        ->check(CLI::Range(1.0, 86400.0))
         ->needs(claim);
 }
 

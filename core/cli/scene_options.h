@@ -12,8 +12,8 @@ namespace marram {
 // --map and --map-file. Rules of --map come first.
 void add_path_map(CLI::App& command, PathMap& paths);
 
-// --claim and --lease, after --resume, --watch and --seconds have been added.
-void add_claim(CLI::App& command, RenderOptions& options);
+// --claim and --lease, after --resume, --watch and --seconds have been added. Returns --lease.
+CLI::Option* add_claim(CLI::App& command, RenderOptions& options);
 
 void add_pack_options(CLI::App& command, PackOptions& options);
 

@@ -236,6 +236,7 @@ bool set_luminance_stddev(const RenderContext& context, Film& film, RenderStats&
 
 // What the samples before the film's first one say of its pixels.
 void take_from(Film& before, Film& film, const RenderSettings& settings) {
+    if (settings.first_sample == pilot_samples) update_luminance_stddev(before); // later ones have it
     if (settings.noise_threshold > 0.0) mark_converged_pixels(before, settings.noise_threshold);
     const Crop crop = crop_of(settings, film);
     for (size_t i = 0; i < film.pixel_states.size(); ++i) {

@@ -54,7 +54,7 @@ struct RenderSettings {
     // The film of the whole picture with all samples before first_sample: which pixels have converged, and
     // how noisy they are. Without it, a film that begins later or is a part of the picture traces the pilot
     // samples for that alone. Adaptive sampling needs it, and then one round at a time is traced
-    // (samples_per_round, adaptive.h). Its FilmPixel::converged is set.
+    // (samples_per_round, adaptive.h). What it says of its pixels is brought up to date.
     Film* before = nullptr;
 };
 

@@ -167,10 +167,11 @@ bool is_possible(const FilmState& state) {
     throw InputError({path}, damaged, "render this part of the frame again");
 }
 
-// The description without its checksum.
+// The description but for the checksum of the words.
 std::string described(const FilmState& state) {
-    return fmt::format("{}{}{} ", magic, format_version,
-                       to_json(state).dump(-1, ' ', false, json::error_handler_t::replace));
+    const std::string text = to_json(state).dump(-1, ' ', false, json::error_handler_t::replace);
+    return fmt::format("{}{}{} {:0{}x} ", magic, format_version, text, digest_bytes(text.data(), text.size()),
+                       checksum_digits);
 }
 
 // nullopt if the file cannot be opened as a picture.
@@ -220,8 +221,9 @@ void save_state(const std::string& path, FilmState state, const Film& film) {
 
 FilmState read_state(const std::string& path) {
     std::error_code none;
-    if (!std::filesystem::exists(path, none))
-        throw InputError({path}, "there is no such file", "give states that `marram render` has written");
+    if (!std::filesystem::is_regular_file(path, none))
+        throw InputError({path}, std::filesystem::exists(path, none) ? "is no file" : "there is no such file",
+                         "give states that `marram render` has written");
     const std::optional<WordsHeader> header = try_header(path);
     if (!header && begins_like_tiff(path)) refuse_damaged(path);
     const std::string text = header ? header->description : "";
@@ -232,12 +234,13 @@ FilmState read_state(const std::string& path) {
     const size_t begin = magic.size() + format_version.size();
     if (text.substr(magic.size(), format_version.size()) != format_version)
         throw InputError({path}, "is of another version of the program", "render it with this one");
-    if (text.size() < begin + checksum_digits) refuse_damaged(path);
-    const json parsed =
-        json::parse(text.begin() + long(begin), text.end() - long(checksum_digits), nullptr, false);
+    constexpr size_t checksums = 2 * (1 + checksum_digits); // each after a space
+    if (text.size() < begin + checksums) refuse_damaged(path);
+    const json parsed = json::parse(text.begin() + long(begin), text.end() - long(checksums), nullptr, false);
     try {
         FilmState state = from_json(parsed);
-        if (!is_possible(state)) refuse_damaged(path);
+        if (!is_possible(state) || described(state) != text.substr(0, text.size() - checksum_digits))
+            refuse_damaged(path);
         return state;
     } catch (const json::exception&) {
         refuse_damaged(path);

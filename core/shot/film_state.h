@@ -5,7 +5,8 @@
 // The file is a TIFF of words of 32 bits (core/image/words.h) for the pixels of the parts' bounds. A pixel
 // holds the sums of all layers in their order (Film::sums, 4 words each), their counts, the fields of
 // FilmPixel, then CatcherSums if the film has them. ImageDescription is "marram frame state", the format
-// version, FilmState as JSON, and a checksum of the words: uncompressed TIFF does not detect changed bits.
+// version, FilmState as JSON, and checksums of that and of the words: uncompressed TIFF does not detect
+// changed bits.
 #pragma once
 
 #include "core/render/film.h"

@@ -96,6 +96,19 @@ std::string setting_without_path(const std::string& setting, const std::vector<N
     return found == named.end() ? setting : found->key;
 }
 
+// Whether a state was kept of the same picture with more samples than these. It is worth more than this one.
+bool has_more_samples(const FrameFiles& files) {
+    std::error_code error;
+    if (!fs::exists(files.state, error)) return false;
+    try {
+        const FilmState state = read_state(files.state);
+        return state.finished && state.samples_digest == files.samples_digest &&
+               bounds_of(state.parts).end_sample > files.part.end_sample;
+    } catch (const InputError&) {
+        return false;
+    }
+}
+
 } // namespace
 
 uint64_t shot_digest(const Shot& shot, const FrameOptions& options,
@@ -374,7 +387,7 @@ SavedFrame save_frame(Frame& frame) {
         save_state(files.state, state_of(frame, saved.whole), frame.film);
         return saved;
     }
-    if (saved.whole && frame.options.keep_state) write_state();
+    if (saved.whole && frame.options.keep_state && !has_more_samples(files)) write_state();
     if (!saved.whole) { // in parallel: the user who pressed Ctrl-C is waiting
         tbb::parallel_invoke(write_picture, write_state);
         return saved;
@@ -396,9 +409,10 @@ SavedFrame save_frame(Frame& frame) {
 
 void remove_unfinished(const FrameFiles& files, bool keep_state) {
     std::error_code error;
-    if (files.is_part || (!keep_state && !fs::remove(files.state, error))) return;
-    const std::string partial = partial_name(files.picture);
-    if (read_metadata(partial, digest_key) == unfinished) fs::remove(partial, error);
+    if (files.is_part || (!keep_state && has_more_samples(files)) ||
+        (!keep_state && !fs::remove(files.state, error)))
+        return;
+    remove_partial(files.picture);
 }
 
 } // namespace marram

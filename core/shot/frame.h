@@ -141,7 +141,7 @@ struct SavedFrame {
 SavedFrame save_frame(Frame& frame);
 
 // Removes the state and the partial picture that an interrupted run has left, after the frame is complete. A
-// state that is wanted stays.
+// state that is wanted, or was kept of the same picture with more samples, stays.
 void remove_unfinished(const FrameFiles& files, bool keep_state);
 
 } // namespace marram

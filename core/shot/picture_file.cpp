@@ -110,6 +110,13 @@ std::vector<Metadata> picture_metadata(const Film& film, const std::string& scen
             {digest_key, digest}};
 }
 
+void remove_partial(const std::string& picture) {
+    std::error_code error;
+    const std::string partial = partial_name(picture);
+    if (fs::exists(partial, error) && read_metadata(partial, digest_key) == unfinished)
+        fs::remove(partial, error);
+}
+
 void check_partial_name(const std::string& partial) {
     std::error_code error;
     if (fs::exists(partial, error) && read_metadata(partial, digest_key) != unfinished)

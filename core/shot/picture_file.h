@@ -40,6 +40,9 @@ std::vector<Metadata> picture_metadata(const Film& film, const std::string& scen
 // Throws InputError if a file of this name exists that is not an unfinished picture.
 void check_partial_name(const std::string& partial);
 
+// Removes the unfinished picture that an earlier run has left.
+void remove_partial(const std::string& picture);
+
 // The film must be resolved. exposure: stops, used for PNG only.
 void save_picture(const std::string& path, const Film& film, double exposure,
                   const std::vector<Metadata>& metadata);

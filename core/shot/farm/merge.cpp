@@ -93,7 +93,8 @@ void write_pictures(const MergeRequest& request, const FilmState& all, const std
 
 } // namespace
 
-Merged merge_states(const MergeRequest& request, const std::atomic<bool>& cancel) {
+Merged merge_states(const MergeRequest& request, const std::atomic<bool>& cancel,
+                    std::atomic<size_t>& added) {
     const bool to_state = is_state_name(request.output);
     if (!to_state) check_picture_name(request.output);
     const std::vector<FilmState> states = read_states(request.states);
@@ -136,6 +137,7 @@ Merged merge_states(const MergeRequest& request, const std::atomic<bool>& cancel
     for (size_t i = 0; i < states.size(); ++i) {
         if (cancel) throw Cancelled();
         add_state(request.states[i], states[i], bounds, film);
+        ++added;
     }
     if (to_state) {
         all.finished = true;
@@ -145,6 +147,7 @@ Merged merge_states(const MergeRequest& request, const std::atomic<bool>& cancel
     }
     resolve(film);
     write_pictures(request, all, name, complete ? all.picture_digest : unfinished, film, merged);
+    if (complete) remove_partial(name);
     return merged;
 }
 

@@ -27,6 +27,7 @@ struct Merged {
 // Throws InputError, and then nothing is written, for states that are damaged, unfinished, of another frame,
 // scene, size or version, or that have a sample twice; and where samples are missing, unless request.partial
 // is set or the output is a state. Memory: one film, and a row of each state at a time.
-Merged merge_states(const MergeRequest& request, const std::atomic<bool>& cancel);
+// added: the number of states that are in the film.
+Merged merge_states(const MergeRequest& request, const std::atomic<bool>& cancel, std::atomic<size_t>& added);
 
 } // namespace marram

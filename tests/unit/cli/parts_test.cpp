@@ -119,6 +119,26 @@ TEST_F(Parts, OfAnAdaptivePictureAreRounds) {
     expect_refused(render("a.exr", {"--after", after}), "nothing comes before sample 0");
 }
 
+// Without film.noise, --after spares the samples that say how noisy a part is; the bits are the same.
+TEST_F(Parts, GoOnAfterAStateThatKnowsTheNoise) {
+    const std::vector<std::string> small = {"--size", "32x24", "--spp", "14"};
+    EXPECT_DONE(render("whole.exr", small));
+    for (const int first : {2, 4, 5, 9}) {
+        const std::string picture = fmt::format("p{}.exr", first);
+        const std::string earlier = fmt::format("{}.samples_0_{}.state.tif", picture, first - 1),
+                          later = fmt::format("{}.samples_{}_13.state.tif", picture, first);
+        EXPECT_DONE(render(picture, with(small, {"--samples", fmt::format("0-{}", first - 1)})));
+        EXPECT_DONE(render(
+            picture, with(small, {"--samples", fmt::format("{}-13", first), "--after", folder / earlier})));
+        EXPECT_DONE(merge({earlier, later}, picture));
+        expect_same(picture, "whole.exr");
+    }
+    // What is read is not written.
+    const std::string after = folder / "p4.exr.samples_0_3.state.tif";
+    expect_refused(render("x.exr", with(small, {"--samples", "4-13", "--after", after, "--stats", after})),
+                   "would overwrite");
+}
+
 // A state that is kept goes on to more samples, and is a part like others.
 TEST_F(Parts, AFinishedPictureKeepsItsStateOnRequest) {
     const std::vector<std::string> small = {"--size", "32x24"};
@@ -134,7 +154,12 @@ TEST_F(Parts, AFinishedPictureKeepsItsStateOnRequest) {
     EXPECT_DONE(render("b.exr", with(small, {"--spp", "11", "--samples", "6-10"})));
     EXPECT_DONE(merge({"six.tif", "b.exr.samples_6_10.state.tif"}, "b.exr"));
     expect_same("b.exr", "eleven.exr");
+    // A render with fewer samples leaves it as it is.
+    EXPECT_EQ(render("a.exr", with(small, {"--spp", "3", "--keep-state"})).code, 0);
+    EXPECT_EQ(render("a.exr", with(small, {"--spp", "4"})).code, 0);
     EXPECT_DONE(render("a.exr", with(small, {"--spp", "12", "--resume"})));
+    EXPECT_DONE(render("twelve.exr", with(small, {"--spp", "12"})));
+    expect_same("a.exr", "twelve.exr");
     EXPECT_FALSE(fs::exists(folder / "a.exr.state.tif")) << "nobody asked to keep it";
 }
 
@@ -189,10 +214,12 @@ TEST_F(Parts, ThatDoNotFitAreRefused) {
                                             {"0-99999999999", "is not understood"},
                                             {"0-4294967295", "has no samples"}})
         expect_refused(render("x.exr", with(small, {"--samples=" + samples})), what);
+    expect_refused(render("x.exr", with({"--samples", ""}, small)), "--samples"); // an empty variable
     for (const auto& [crop, what] : std::map<std::string, std::string>{
              {"0,0,16", "is not understood"},
              {"0,0,16,13", "goes beyond the picture, which has 16 x 12 pixels"},
              {"3,3,3,4", "has no pixels"},
+             {"", "is not understood"},
              {"0,0,4,4,", "is not understood"}})
         expect_refused(render("x.exr", with(small, {"--crop", crop})), what);
     EXPECT_TRUE(folder.contents() == before) << "nothing is written";
@@ -200,6 +227,10 @@ TEST_F(Parts, ThatDoNotFitAreRefused) {
     EXPECT_EQ(partial.code, 0);
     EXPECT_EQ(partial.out, folder / "x.partial.exr" + "\n");
     EXPECT_CONTAINS(partial.err, "missing: samples 4-5 of pixels 0,0 to 16,12");
+    EXPECT_DONE(render("c.exr", with(small, {"--samples", "4-5"})));
+    EXPECT_DONE(
+        merge({first, "b.exr.samples_6_7.state.tif", "c.exr.samples_4_5.state.tif"}, "x.exr", {"--quiet"}));
+    EXPECT_FALSE(fs::exists(folder / "x.partial.exr"));
 }
 
 // Cut at every kilobyte, and with a bit turned at as many places: some bits of a TIFF's directory mean
@@ -224,6 +255,10 @@ TEST_F(Parts, ADamagedStateIsRefused) {
         if (result.code != 2) expect_same("y.exr", "whole.exr");
     }
     EXPECT_GT(refused, 3);
+    std::string other = good; // what it says of itself
+    other[good.find("\"samples\":2") + 10] = '3';
+    folder.write(second, other);
+    expect_refused(merge({first, second}, "x.exr"), folder / second + ": is damaged or cut short");
     std::string older = good;
     const size_t version = older.find("marram frame state 5");
     ASSERT_NE(version, std::string::npos);

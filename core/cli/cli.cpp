@@ -71,7 +71,7 @@ CLI::Validator number_between(double low, double high) {
 }
 
 struct Texts { // options that are checked after parsing
-    std::string size, layers, attributes, shell, range, display, samples_part, crop;
+    std::string size, layers, attributes, shell, range, display;
     std::vector<std::string> pictures, merged_pictures;
     uint32_t samples = 0;
     double frame = 0.0;
@@ -195,39 +195,13 @@ void add_render(CLI::App& app, Commands& c) {
         "--resume", c.render.resume,
         "leave out frames whose picture is there, whole, and of this scene; go on with those that were "
         "interrupted or out of time");
-    CLI::Option* samples_part =
-        command
-            ->add_option(
-                "--samples", c.texts.samples_part,
-                "only the samples with these numbers, the first is 0, to a state for `marram merge`, "
-                "OUT.exr.samples_0_63.state.tif; any ranges, on any machines, give the bits of one render. "
-                "With film.noise one round of 16 at a time, and --after")
-            ->type_name("A-B")
-            ->excludes("--seconds", "--png");
-    CLI::Option* crop =
-        command
-            ->add_option("--crop", c.texts.crop,
-                         "only these pixels, from left and top to right and bottom, which are excluded, to a "
-                         "state for `marram merge`")
-            ->type_name("X0,Y0,X1,Y1")
-            ->excludes("--seconds", "--png");
+    add_parts(*command, c.render);
     command
-        ->add_option("--after", c.render.after,
-                     "with --samples: a state of the whole picture with all samples before these, such as "
-                     "`marram merge` writes to a .tif; film.noise needs it, and others save four samples")
-        ->type_name("STATE");
-    CLI::Option* keep = command->add_flag("--keep-state", c.render.keep_state,
-                                          "a finished picture keeps its state, OUT.exr.state.tif, from which "
-                                          "--resume goes on to a higher --spp, "
-                                          "and which `marram merge` takes");
-    CLI::Option* watch =
-        command
-            ->add_flag(
-                "--watch", c.render.watch,
-                "render one frame, and again whenever the scene or a file that it names has been saved, "
-                "until Ctrl-C; mistakes are printed, and the picture stays")
-            ->excludes(resume);
-    for (CLI::Option* other : {samples_part, crop, keep}) watch->excludes(other);
+        ->add_flag("--watch", c.render.watch,
+                   "render one frame, and again whenever the scene or a file that it names has been saved, "
+                   "until Ctrl-C; mistakes are printed, and the picture stays")
+        ->excludes(resume)
+        ->excludes("--samples", "--crop", "--keep-state");
     add_checkpoint(*command, c.render.checkpoint)->check(number_between(1e-3, 1e9));
     add_claim(*command, c.render)->check(number_between(1.0, 86400.0));
     command->callback([&c, command, frame] {
@@ -235,16 +209,12 @@ void add_render(CLI::App& app, Commands& c) {
         if (command->count("--spp") > 0) c.render.overrides.samples = c.texts.samples;
         c.render.layers = split(c.texts.layers);
         const bool displays = command->count("--display") > 0;
-        c.chosen = [&c, command, one_frame, displays] {
+        c.chosen = [&c, one_frame, displays] {
             if (one_frame) c.render.frames.frame = c.texts.frame;
             if (!c.texts.size.empty()) c.render.overrides.size = parse_size(c.texts.size);
             for (const std::string& text : c.texts.pictures)
                 c.render.pictures.push_back(parse_layer_picture(text));
             if (displays) c.render.display = parse_display(c.texts.display);
-            if (command->count("--samples") > 0) parse_samples(c.texts.samples_part, c.render.part);
-            if (command->count("--after") > 0 && c.render.after.empty())
-                throw InputError({"--after"}, "the file has no name", "give a state, or leave --after out");
-            if (command->count("--crop") > 0) parse_crop(c.texts.crop, c.render.part);
             return render_command(c.render);
         };
     });

@@ -34,6 +34,40 @@ void add_path_map(CLI::App& command, PathMap& paths) {
         ->allow_extra_args(false);
 }
 
+void add_parts(CLI::App& command, RenderOptions& options) {
+    const auto samples = [&options](const std::string& text) { parse_samples(text, options.part); };
+    command
+        .add_option_function<std::string>(
+            "--samples", samples,
+            "only the samples with these numbers, the first is 0, to a state for `marram merge`, "
+            "OUT.exr.samples_0_63.state.tif; any ranges, on any machines, give the bits of one render. "
+            "With film.noise one round of 16 at a time, and --after")
+        ->type_name("A-B")
+        ->excludes("--seconds", "--png");
+    const auto crop = [&options](const std::string& text) { parse_crop(text, options.part); };
+    command
+        .add_option_function<std::string>(
+            "--crop", crop,
+            "only these pixels, from left and top to right and bottom, which are excluded, to a state for "
+            "`marram merge`")
+        ->type_name("X0,Y0,X1,Y1")
+        ->excludes("--seconds", "--png");
+    const auto after = [&options](const std::string& file) {
+        if (file.empty())
+            throw InputError({"--after"}, "the file has no name", "give a state, or leave --after out");
+        options.after = file;
+    };
+    command
+        .add_option_function<std::string>(
+            "--after", after,
+            "with --samples: a state of the whole picture with all samples before these, such as `marram "
+            "merge` writes to a .tif; film.noise needs it, and others save four samples")
+        ->type_name("STATE");
+    command.add_flag("--keep-state", options.keep_state,
+                     "a finished picture keeps its state, OUT.exr.state.tif, from which --resume goes on to "
+                     "a higher --spp, and which `marram merge` takes");
+}
+
 CLI::Option* add_claim(CLI::App& command, RenderOptions& options) {
     CLI::Option* claim = command
                              .add_flag_callback(

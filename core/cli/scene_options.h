@@ -12,6 +12,9 @@ namespace marram {
 // --map and --map-file. Rules of --map come first.
 void add_path_map(CLI::App& command, PathMap& paths);
 
+// --samples, --crop, --after and --keep-state, after --seconds and --png have been added.
+void add_parts(CLI::App& command, RenderOptions& options);
+
 // --claim and --lease, after --resume, --watch and --seconds have been added. Returns --lease.
 CLI::Option* add_claim(CLI::App& command, RenderOptions& options);
 

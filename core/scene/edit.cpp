@@ -6,6 +6,7 @@
 #include "core/math/text.h"
 #include "core/scene/parse.h"
 #include "core/scene/suggest.h"
+#include "core/scene/value_text.h"
 
 #include <algorithm>
 #include <array>
@@ -44,20 +45,9 @@ bool is_same(const toml::node& a, const toml::node& b) {
     return toml::node_view<const toml::node>(a) == toml::node_view<const toml::node>(b);
 }
 
-// The text as a TOML basic string, with escapes.
-std::string string_text(std::string_view text) {
-    std::string out = "\"";
-    for (const char c : text) {
-        const auto byte = static_cast<unsigned char>(c);
-        if (c == '"' || c == '\\') out += '\\';
-        out += byte < 32 || byte == 127 ? fmt::format("\\u{:04X}", byte) : std::string(1, c);
-    }
-    return out + "\"";
-}
-
 std::string key_text(const std::string& key) {
     constexpr std::string_view bare = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789_-";
-    return key.empty() || key.find_first_not_of(bare) != std::string::npos ? string_text(key) : key;
+    return key.empty() || key.find_first_not_of(bare) != std::string::npos ? quoted_text(key) : key;
 }
 
 // The keys with dots between them. Elements of lists have none in a header.
@@ -216,7 +206,7 @@ NewValue new_value(const toml::table& wanted, const std::string& setting) {
         text.erase(0, text.find_first_not_of(" \t"));
         text.erase(text.find_last_not_of(" \t") + 1);
         toml::table parsed = parse_value(text, "");
-        if (parsed.empty()) parsed = parse_value(text = string_text(text), "");
+        if (parsed.empty()) parsed = parse_value(text = quoted_text(text), "");
         NewValue value{top, {}, "value = " + text};
         while (!parsed.empty() && value.node) {
             if (is_same(*value.node, *parsed.get("value"))) return value;
@@ -556,7 +546,7 @@ std::string inline_text(const toml::node& node) {
             (out.empty() ? "" : ", ") + (node.is_table() ? key_text(key) + " = " : "") + inline_text(*inner);
     if (node.is_table()) return out.empty() ? "{}" : "{ " + out + " }";
     if (node.is_array()) return "[" + out + "]";
-    if (const auto* text = node.as_string()) return string_text(text->get());
+    if (const auto* text = node.as_string()) return quoted_text(text->get());
     std::ostringstream number;
     node.visit([&](const auto& own) {
         if constexpr (toml::is_value<decltype(own)>) number << own;

@@ -25,18 +25,6 @@ std::string lists_text(Numbers numbers, size_t each) {
     return "[" + text + "]";
 }
 
-std::string quoted_text(std::string_view text) {
-    std::string quoted = "\"";
-    for (const char c : text)
-        if (c == '"' || c == '\\')
-            quoted += std::string("\\") + c;
-        else if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f)
-            quoted += fmt::format("\\u{:04x}", unsigned(c));
-        else
-            quoted += c;
-    return quoted + '"';
-}
-
 std::string quoted_list(const std::vector<std::string>& texts) {
     std::string list;
     for (const std::string& text : texts) list += (list.empty() ? "" : ", ") + quoted_text(text);
@@ -100,6 +88,18 @@ std::string keyed_text(const ParamValue& value) {
 }
 
 } // namespace
+
+std::string quoted_text(std::string_view text) {
+    std::string quoted = "\"";
+    for (const char c : text)
+        if (c == '"' || c == '\\')
+            quoted += std::string("\\") + c;
+        else if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f)
+            quoted += fmt::format("\\u{:04x}", unsigned(c));
+        else
+            quoted += c;
+    return quoted + '"';
+}
 
 std::string value_text(const ParamValue& value, const std::string& scene) {
     namespace fs = std::filesystem;

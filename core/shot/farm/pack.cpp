@@ -3,6 +3,7 @@
 
 #include "core/image/atomic_file.h"
 #include "core/scene/edit.h"
+#include "core/scene/value_text.h"
 #include "core/shot/scene/scene_files.h"
 
 #include <fmt/format.h>
@@ -55,16 +56,6 @@ std::string packed_text(const std::string& file) {
     std::string text(std::istreambuf_iterator<char>(in), {});
     if (!in) throw InputError({file}, "cannot be read", "check that it exists and that you may read it");
     return text;
-}
-
-std::string toml_string(const std::string& text) {
-    std::string out = "\"";
-    for (const char c : text) {
-        const auto byte = static_cast<unsigned char>(c);
-        if (c == '"' || c == '\\') out += '\\';
-        out += byte < 32 || byte == 127 ? fmt::format("\\u{:04X}", byte) : std::string(1, c);
-    }
-    return out + "\"";
 }
 
 // Gives each file a name in the packed folder. Names that differ only in case count as the same: the folder
@@ -295,7 +286,7 @@ PackedScene pack_scene(Shot shot, const PackRequest& request, const std::atomic<
     std::vector<PackedFile> copies = packed_states(shot, request);
     std::vector<std::string> settings;
     for (const PackedValue& value : values) {
-        if (!value.is_library) settings.push_back(value.key + "=" + toml_string(value.name));
+        if (!value.is_library) settings.push_back(value.key + "=" + quoted_text(value.name));
         copies.insert(copies.end(), value.files.begin(), value.files.end());
     }
     const std::string packed = edited_scene(text, request.scene, settings);

@@ -23,8 +23,8 @@ void add_frame_lists(CLI::App& command, FrameRequest& frames);
 // --checkpoint, without a check of the number. Call it after --watch has been added.
 CLI::Option* add_checkpoint(CLI::App& command, double& seconds);
 
-// Takes --log and --progress from the command line before it is parsed: the mistakes of the others are
-// messages, too. Values that do not exist are left to the parser.
+// Reads --log and --progress before the command line is parsed, so that its mistakes are printed in that way,
+// too. Values that do not exist are left to the parser.
 void set_message_options(int argc, const char* const* argv);
 
 } // namespace marram

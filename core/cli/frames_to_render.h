@@ -23,7 +23,7 @@ class FramesToRender {
   public:
     FramesToRender(const std::vector<FrameFiles>& frames, FrameChoice choice);
 
-    // The next one; nullptr: there is none. Throws Cancelled if interrupted while waiting.
+    // The next one; nullptr: there is none. Throws Cancelled if interrupted.
     const FrameFiles* next();
 
     // Of the frame that next() has returned:

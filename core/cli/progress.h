@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Progress of a whole run: for people as a line on a terminal, for programs as lines on stdout.
+// Progress: for people a line on a terminal, of the present phase; for programs lines on stdout, of the whole
+// run.
 #pragma once
 
 #include <condition_variable>
@@ -49,8 +50,8 @@ class ProgressText {
     // What follows goes from `begin` to `end` of the run, 0 to 1.
     void begin_part(double begin, double end);
 
-    // The lines that are due, "" if none are. A line is due when the whole percentage or the phase has
-    // changed, at most once a second, and after 8 s in any case.
+    // The lines that are due, "" if none are. A line is due when the whole percentage (of openjd and
+    // json: or the phase) has changed, at most once a second, and after 8 s in any case.
     std::string at(double seconds, const ProgressState& state);
     std::string done();                                 // the last line, 100 %
     std::string stopped(std::string_view reason) const; // instead of it; "" in most styles

@@ -29,7 +29,7 @@ class ExactSum {
                                                                     : term);
         const uint64_t fraction = (bits & ((uint64_t(1) << 52) - 1)) | uint64_t(1) << 52;
         const int exponent =
-            int(bits >> 52 & 0x7ff);     // |term| = fraction 2^(exponent - 1075); 0: less than that
+            int(bits >> 52 & 0x7ff);     // |term| = fraction 2^(exponent - 1075); 0: far below a unit
         if (exponent == 0x7ff) return 0; // NaN
         const int shift = exponent - 1075 - unit_exponent;
         Int128 size = 0;

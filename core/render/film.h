@@ -61,11 +61,12 @@ inline uint32_t sum_count(const FilmLayer& layer) {
 
 // Of values such as colours: multiples of 5e-20, terms up to 7e13.
 using ValueSum = ExactSum<-64>;
-// Of squares: multiples of 6e-17, terms up to 7e16. Squares of values below 4e-9 are lost, those of values
+// Of squares: multiples of 6e-17, terms up to 7e16. Squares of values below 5e-9 are lost, those of values
 // above 2.7e8 count as that: noise is not measured there.
 using SquareSum = ExactSum<-54>;
 
-// State of a pixel. A resumed render needs this, the sums of the layers and CatcherSums, nothing else.
+// State of a pixel. A resumed render needs this, Film::sums, Film::counts and
+// CatcherSums.
 struct FilmPixel {
     uint32_t next_sample = 0; // index in its sequence; earlier ones were taken, or skipped when converged
     uint32_t samples = 0;     // taken, including non-finite ones

@@ -277,7 +277,7 @@ void render_passes(const RenderContext& context, Film& film, RenderStats& stats,
         if (all_at(begin, film) && !decide(context, begin, film, stats, progress)) return;
         while (begin < end) { // partial passes: near the deadline, to measure the cost, or to split them
             // The first sample is always completed.
-            if (settings.seconds > 0.0 && begin > 0) deadline.time = start + settings.seconds;
+            if (settings.seconds > 0.0 && begin > settings.first_sample) deadline.time = start + settings.seconds;
             stats.out_of_time = deadline.passed();
             if (stats.out_of_time) return;
             double left = deadline.time ? *deadline.time - clock() : unlimited;

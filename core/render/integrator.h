@@ -26,7 +26,7 @@ struct Crop {
 };
 
 struct RenderSettings {
-    uint32_t samples = 64; // maximum samples per pixel
+    uint32_t samples = 64; // the film gets those from first_sample to before this one, or fewer if adaptive
     // > 0: adaptive sampling. A pixel has converged when the standard error of its mean is at most this
     // fraction of its brightness (or of a tenth of the picture's mean brightness, if that is greater), and
     // the same holds for its eight neighbours. The film needs a layer "variance".
@@ -49,19 +49,21 @@ struct RenderSettings {
     // Only the film's part of the picture is traced, with the samples of the whole bit for bit (but for
     // adaptive sampling, which does not know neighbours beyond the film's edges without `before`).
     std::optional<Crop> crop;
-    // The film has the samples from this one on; others are those of other films (add_film).
+    // Number of the film's first sample. Earlier ones are in other films (add_film).
     uint32_t first_sample = 0;
     // The film of the whole picture with all samples before first_sample: which pixels have converged, and
-    // how noisy they are. Without it, a film that begins later or is a part of the picture traces the pilot
-    // samples for that alone. Adaptive sampling needs it, and then one round at a time is traced
-    // (samples_per_round, adaptive.h). What it says of its pixels is brought up to date.
+    // how noisy they are. Without it, a film that begins later or is a part of the picture traces pilot
+    // samples that say how noisy it is, and are not added to it. Adaptive sampling with first_sample > 0
+    // needs it, and then one round at a time is traced (samples_per_round, adaptive.h). What it says of its
+    // pixels is brought up to date.
     Film* before = nullptr;
 };
 
 // Progress of a render. cancel and samples_done may be read and written from any thread while render() runs.
 struct RenderProgress {
     const std::atomic<bool>* cancel = nullptr; // if set, render() returns within about 100 ms
-    // Samples that pixels have taken, or skipped because they had converged, out of width * height * samples.
+    // Samples that pixels have taken, or skipped because they had converged, out of width * height * (samples
+    // - first_sample).
     // On its own cache line: threads that update it would slow down those that read cancel.
     alignas(64) std::atomic<uint64_t> samples_done{0};
     // Called by the thread that runs render(), between two passes, when no thread writes to the film. The

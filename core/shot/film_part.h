@@ -20,14 +20,15 @@ struct FilmPart {
     bool operator==(const FilmPart&) const = default;
 };
 
-// What --crop and --samples ask for, and what is not asked for is whole.
+// What --crop and --samples ask for; without them, the whole picture.
 struct PartRequest {
     bool crops = false, limits_samples = false;
     FilmPart part;
     bool given() const { return crops || limits_samples; }
 };
 
-// Parses "X0,Y0,X1,Y1" and "A-B" (both included). Throws InputError with the column of the mistake.
+// Parses "X0,Y0,X1,Y1" (X1 and Y1 excluded) and "A-B" (both included). Throws InputError with the column of
+// what is not understood.
 void parse_crop(const std::string& text, PartRequest& request);
 void parse_samples(const std::string& text, PartRequest& request);
 
@@ -45,7 +46,7 @@ bool overlap(const FilmPart& a, const FilmPart& b);
 // The smallest part around all; they must not be none.
 FilmPart bounds_of(std::span<const FilmPart> parts);
 
-// What `parts`, no two of which overlap, leave of `whole`.
+// The samples of `whole` that are in none of `parts`.
 std::vector<FilmPart> missing_of(const FilmPart& whole, std::span<const FilmPart> parts);
 
 // The same samples in fewer parts where neighbours fit together.

@@ -14,6 +14,7 @@
 #include <bit>
 #include <filesystem>
 #include <fstream>
+#include <functional>
 #include <optional>
 
 namespace marram {
@@ -262,12 +263,12 @@ Film empty_film(const FilmState& state, const FilmPart& bounds) {
     return film;
 }
 
-void add_state(const std::string& path, const FilmState& state, const FilmPart& bounds, Film& film) {
+namespace {
+
+// Reads the words row by row, and throws InputError at the end if they are not those that were written.
+void read_rows(const std::string& path, const FilmState& state, uint32_t words,
+               const std::function<void(int, const uint32_t*)>& row) {
     const FilmPart own = bounds_of(state.parts);
-    FilmPart of_row = own;
-    of_row.y1 = own.y0 + 1;
-    Film row = empty_film(state, of_row);
-    const uint32_t words = words_of(row);
     const std::optional<WordsHeader> header = try_header(path);
     if (!header || header->width != int(own.width()) || header->height != int(own.height()) ||
         header->channels != int(words))
@@ -275,9 +276,8 @@ void add_state(const std::string& path, const FilmState& state, const FilmPart& 
     std::vector<uint64_t> checksums;
     try {
         read_words(path, *header, [&](int y, const uint32_t* from) {
-            checksums.push_back(digest_bytes(from, size_t(row.width) * words * sizeof(uint32_t)));
-            visit_row(row, 0, Unpacker{from});
-            add_film(film, row, own.x0 - bounds.x0, own.y0 - bounds.y0 + uint32_t(y));
+            checksums.push_back(digest_bytes(from, size_t(own.width()) * words * sizeof(uint32_t)));
+            row(y, from);
         });
     } catch (const InputError&) {
         refuse_damaged(path);
@@ -285,6 +285,23 @@ void add_state(const std::string& path, const FilmState& state, const FilmPart& 
     const std::string expected =
         described(state) + fmt::format("{:0{}x}", Digest().add(checksums).value(), checksum_digits);
     if (header->description != expected) refuse_damaged(path);
+}
+
+} // namespace
+
+void check_sums(const std::string& path, const FilmState& state) {
+    read_rows(path, state, words_of(empty_film(state, {0, 0, 1, 1, 0, 1})), [](int, const uint32_t*) {});
+}
+
+void add_state(const std::string& path, const FilmState& state, const FilmPart& bounds, Film& film) {
+    const FilmPart own = bounds_of(state.parts);
+    FilmPart of_row = own;
+    of_row.y1 = own.y0 + 1;
+    Film row = empty_film(state, of_row);
+    read_rows(path, state, words_of(row), [&](int y, const uint32_t* from) {
+        visit_row(row, 0, Unpacker{from});
+        add_film(film, row, own.x0 - bounds.x0, own.y0 - bounds.y0 + uint32_t(y));
+    });
 }
 
 std::string load_state(const std::string& path, const std::string& samples_digest, const FilmPart& part,

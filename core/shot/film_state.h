@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The state of a frame, or of a part of it: the film's sample sums, in a file. --resume continues from an
-// unfinished one, which lies beside the picture; `marram merge` adds finished ones (farm/merge.h).
+// The state of a frame, or of a part of it: the film's sample sums, in a file. --resume continues from a
+// state beside the picture, unfinished or kept; `marram merge` adds finished ones (farm/merge.h).
 //
 // The file is a TIFF of words of 32 bits (core/image/words.h) for the pixels of the parts' bounds. A pixel
 // holds the sums of all layers in their order (Film::sums, 4 words each), their counts, the fields of
@@ -28,7 +28,7 @@ struct FilmState {
     double seconds = 0.0;                        // that rendering it has taken
     bool transparent = false, catches_shadows = false;
     std::vector<FilmLayer> layers; // without values
-    // Of which the film has all samples; where it is unfinished, of which it has some.
+    // Finished: the film has all samples of these parts; unfinished: some.
     std::vector<FilmPart> parts;
     bool finished = false;
 };
@@ -43,8 +43,12 @@ void check_state_overwrite(const std::string& state);
 // film: of the bounds of state.parts. Layers and the like of `state` are taken from the film.
 void save_state(const std::string& path, FilmState state, const Film& film);
 
-// Throws InputError if it is damaged or not of this version.
+// Reads the description, not the sums. Throws InputError if the file is not there, no state, of another
+// version, or its description is damaged.
 FilmState read_state(const std::string& path);
+
+// Throws InputError if the sums are damaged.
+void check_sums(const std::string& path, const FilmState& state);
 
 // A film without samples for these parts of a state's picture.
 Film empty_film(const FilmState& state, const FilmPart& bounds);

@@ -109,6 +109,13 @@ bool has_more_samples(const FrameFiles& files) {
     }
 }
 
+void save_film(const Frame& frame, bool finished) {
+    if (has_more_samples(frame.files))
+        throw InputError({frame.files.state}, "has more samples than this render, and is kept",
+                         "move it, to save the state of this one");
+    save_state(frame.files.state, state_of(frame, finished), frame.film);
+}
+
 } // namespace
 
 uint64_t shot_digest(const Shot& shot, const FrameOptions& options,
@@ -196,8 +203,11 @@ bool is_part_rendered(const FrameFiles& files) {
     if (!files.is_part || !fs::exists(files.state, error)) return false;
     try {
         const FilmState state = read_state(files.state);
-        return state.finished && state.samples_digest == files.samples_digest &&
-               state.parts == std::vector{files.part};
+        if (!state.finished || state.samples_digest != files.samples_digest ||
+            state.parts != std::vector{files.part})
+            return false;
+        check_sums(files.state, state);
+        return true;
     } catch (const InputError&) { // damaged
         return false;
     }
@@ -320,9 +330,7 @@ void trace_frame(Frame& frame, const World& world, Preview& preview) {
     frame.stats.trace = wall_seconds() - begin;
 }
 
-void save_checkpoint(const Frame& frame) {
-    save_state(frame.files.state, state_of(frame, false), frame.film);
-}
+void save_checkpoint(const Frame& frame) { save_film(frame, false); }
 
 void save_preview(Frame& frame) {
     resolve(frame.film);
@@ -378,13 +386,13 @@ SavedFrame save_frame(Frame& frame) {
     };
     const auto write_state = [&] {
         try {
-            save_state(files.state, state_of(frame, saved.whole), frame.film);
+            save_film(frame, saved.whole);
         } catch (const InputError& error) { // reported separately: the picture may still be saved
             saved.state_error = error.what();
         }
     };
     if (is_part) {
-        save_state(files.state, state_of(frame, saved.whole), frame.film);
+        save_film(frame, saved.whole);
         return saved;
     }
     if (saved.whole && frame.options.keep_state && !has_more_samples(files)) write_state();

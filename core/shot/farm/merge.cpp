@@ -73,7 +73,7 @@ void check_overlaps(const std::vector<std::string>& files, const std::vector<Fil
     if (!problems.empty()) throw InputError(std::move(problems));
 }
 
-// That of a state with as many samples as any.
+// The state whose picture has the most samples.
 const FilmState& with_most_samples(const std::vector<FilmState>& states) {
     return *std::ranges::max_element(states, {}, &FilmState::samples);
 }
@@ -97,6 +97,9 @@ Merged merge_states(const MergeRequest& request, const std::atomic<bool>& cancel
                     std::atomic<size_t>& added) {
     const bool to_state = is_state_name(request.output);
     if (!to_state) check_picture_name(request.output);
+    if (to_state && !request.pictures.empty())
+        throw InputError({"--png " + request.pictures.front().layer}, "a state is merged, not a picture",
+                         "leave --png out, or name the output .exr or .png");
     const std::vector<FilmState> states = read_states(request.states);
     check_overlaps(request.states, states);
 

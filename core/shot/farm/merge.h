@@ -15,7 +15,7 @@ namespace marram {
 struct MergeRequest {
     std::vector<std::string> states;
     std::string output;                 // .exr or .png: the picture; .tif: the state of all parts
-    std::vector<LayerPicture> pictures; // of layers, as with --png; with the picture
+    std::vector<LayerPicture> pictures; // of layers, as with --png; not with a state
     bool partial = false;               // a picture even where samples are missing, under partial_name()
 };
 
@@ -26,7 +26,8 @@ struct Merged {
 
 // Throws InputError, and then nothing is written, for states that are damaged, unfinished, of another frame,
 // scene, size or version, or that have a sample twice; and where samples are missing, unless request.partial
-// is set or the output is a state. Memory: one film, and a row of each state at a time.
+// is set or the output is a state; for unwritable files and unknown layers. Throws Cancelled. Memory: one
+// film and a row.
 // added: the number of states that are in the film.
 Merged merge_states(const MergeRequest& request, const std::atomic<bool>& cancel, std::atomic<size_t>& added);
 

@@ -161,6 +161,9 @@ TEST_F(Parts, AFinishedPictureKeepsItsStateOnRequest) {
     // A render with fewer samples leaves it as it is.
     EXPECT_EQ(render("a.exr", with(small, {"--spp", "3", "--keep-state"})).code, 0);
     EXPECT_EQ(render("a.exr", with(small, {"--spp", "4"})).code, 0);
+    const ProgramResult short_one = render("a.exr", with(small, {"--spp", "10", "--seconds", "0.001"}));
+    EXPECT_EQ(short_one.code, 0);
+    EXPECT_CONTAINS(short_one.err, "has more samples than this render, and is kept");
     EXPECT_DONE(render("a.exr", with(small, {"--spp", "12", "--resume"})));
     EXPECT_DONE(render("twelve.exr", with(small, {"--spp", "12"})));
     expect_same("a.exr", "twelve.exr");
@@ -208,6 +211,7 @@ TEST_F(Parts, ThatDoNotFitAreRefused) {
     expect_refused(merge({"a.toml"}, "x.exr"), "is not the state of a frame");
     expect_refused(merge({first}, "a.jpg"), "");
     expect_refused(merge({first}, first), "would overwrite");
+    expect_refused(merge({first}, "x.tif", {"--png", "normal=" + folder / "d.png"}), "a state is merged");
     expect_refused(merge({first}, "x.exr", {"--partial", "--png", "depth:0-1=" + folder / "d.png"}),
                    "have no such layer");
     for (const auto& [samples, what] :
@@ -286,6 +290,12 @@ TEST_F(Parts, ADamagedStateIsRefused) {
     folder.write(second, good);
     EXPECT_EQ(merged_to("x.exr"), "");
     expect_same("x.exr", "whole.exr");
+    // A damaged part is not taken for a finished one.
+    std::string last = good;
+    last.back() ^= 1;
+    folder.write(second, last);
+    EXPECT_CONTAINS(render("a.exr", with(small, {"--samples", "1-1", "--resume"})).err, "is damaged");
+    EXPECT_EQ(merged_to("x.exr"), "");
 }
 
 TEST(FilmPart, WhatIsMissingIsWhatNoPartHas) {

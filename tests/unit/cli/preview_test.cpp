@@ -11,7 +11,7 @@ namespace {
 
 // Wide enough that a reader can hit it while it is written.
 const SceneText wide{.film =
-                         "size = [320, 200]\nsamples = 8\nmax_depth = 3\naovs = [\"variance\", \"normal\"]\n",
+                         "size = [160, 100]\nsamples = 8\nmax_depth = 3\naovs = [\"variance\", \"normal\"]\n",
                      .groom = "count = 3000\ncvs = 5\nlength = [0.3, 0.5]\nwidth = 0.02\n"};
 
 // Its output goes to a file, so it has no terminal.
@@ -37,8 +37,8 @@ void watch(const std::string& preview, size_t states, pid_t child) {
         }
         ASSERT_NO_THROW({
             const Image image = read_image(preview);
-            ASSERT_EQ(image.width, 320);
-            ASSERT_EQ(image.height, 200);
+            ASSERT_EQ(image.width, 160);
+            ASSERT_EQ(image.height, 100);
         });
         const int samples = std::stoi(read_metadata(preview, "marram:samples").value_or("0"));
         ASSERT_GE(samples, seen.empty() ? 1 : *seen.rbegin());

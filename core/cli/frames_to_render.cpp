@@ -36,7 +36,7 @@ bool FramesToRender::may_save() {
     return false;
 }
 
-void FramesToRender::leave_out(const FrameFiles& frame) {
+void FramesToRender::say_left_out(const FrameFiles& frame) {
     if (!choice_.quiet) print_message("{}: is there already\n", output_of(frame));
 }
 
@@ -95,7 +95,7 @@ const FrameFiles* FramesToRender::next() {
         if (interrupted()) throw Cancelled{};
         const FrameFiles& frame = *open_[at_++];
         if (choice_.resume && !waits_ && is_rendered(frame)) {
-            leave_out(frame);
+            say_left_out(frame);
             is_saved_ = true;
             continue;
         }

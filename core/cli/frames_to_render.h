@@ -35,7 +35,7 @@ class FramesToRender {
 
   private:
     const FrameFiles* claimed(const FrameFiles& frame);
-    void leave_out(const FrameFiles& frame);
+    void say_left_out(const FrameFiles& frame);
     void wait();
 
     FrameChoice choice_;

@@ -101,7 +101,7 @@ void ProgressText::take(const ProgressState& state) {
         phase_ = state.phase;
     }
     const double of_phase = std::clamp(state.fraction, 0.0, 1.0);
-    const double of_part = state.of_the_rest ? build_share_ + (1.0 - build_share_) * of_phase
+    const double of_part = state.after_build ? build_share_ + (1.0 - build_share_) * of_phase
                                              : build_share_ * (1.0 - unbuilt_ * (1.0 - 0.5 * of_phase));
     fraction_ = std::max(fraction_, begin_ + (end_ - begin_) * of_part);
 }

@@ -16,7 +16,7 @@ namespace marram {
 struct ProgressState {
     std::string phase;
     double fraction = 0.0;    // of the phase
-    bool of_the_rest = false; // the phase takes what the build leaves of a frame
+    bool after_build = false; // the phase takes what the build leaves of a frame
 };
 
 // Redraws one line on stderr ten times a second with bar, percentage and time left, until it is destroyed.
@@ -42,7 +42,7 @@ void set_progress_style(ProgressStyle style);
 //
 // A run has parts, such as frames. Within a part, what is built takes the share build_share, and is counted
 // by its phases, whose number is not known: each takes half of what is left of the share. Then follows the
-// phase with ProgressState::of_the_rest. The fraction never decreases, and stays below 1 until done().
+// phase with ProgressState::after_build. The fraction never decreases, and stays below 1 until done().
 class ProgressText {
   public:
     ProgressText(ProgressStyle style, double build_share) : style_(style), build_share_(build_share) {}

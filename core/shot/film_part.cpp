@@ -152,10 +152,10 @@ std::vector<FilmPart> missing_of(const FilmPart& whole, std::span<const FilmPart
         for (const FilmPart& piece : missing) subtract(piece, part, left);
         missing = std::move(left);
     }
-    return joined(std::move(missing));
+    return join_neighbours(std::move(missing));
 }
 
-std::vector<FilmPart> joined(std::vector<FilmPart> parts) {
+std::vector<FilmPart> join_neighbours(std::vector<FilmPart> parts) {
     for (bool changed = true; changed;) {
         changed = false;
         std::ranges::sort(parts, {}, [](const FilmPart& p) {

@@ -50,6 +50,6 @@ FilmPart bounds_of(std::span<const FilmPart> parts);
 std::vector<FilmPart> missing_of(const FilmPart& whole, std::span<const FilmPart> parts);
 
 // The same samples in fewer parts where neighbours fit together.
-std::vector<FilmPart> joined(std::vector<FilmPart> parts);
+std::vector<FilmPart> join_neighbours(std::vector<FilmPart> parts);
 
 } // namespace marram

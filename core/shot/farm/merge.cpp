@@ -110,7 +110,7 @@ Merged merge_states(const MergeRequest& request, const std::atomic<bool>& cancel
         all.seconds += state.seconds;
         all.parts.insert(all.parts.end(), state.parts.begin(), state.parts.end());
     }
-    all.parts = joined(std::move(all.parts));
+    all.parts = join_neighbours(std::move(all.parts));
     const FilmPart whole = whole_of(all);
     Merged merged;
     if (!to_state) merged.missing = missing_of(whole, all.parts);

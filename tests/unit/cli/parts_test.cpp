@@ -313,7 +313,7 @@ TEST(FilmPart, WhatIsMissingIsWhatNoPartHas) {
                 parts.push_back(part);
         }
         std::vector<FilmPart> all = missing_of(whole, parts);
-        const std::vector<FilmPart> fewer = joined(parts);
+        const std::vector<FilmPart> fewer = join_neighbours(parts);
         EXPECT_LE(fewer.size(), parts.size());
         all.insert(all.end(), fewer.begin(), fewer.end());
         uint64_t volume = 0;
@@ -323,7 +323,7 @@ TEST(FilmPart, WhatIsMissingIsWhatNoPartHas) {
         }
         EXPECT_EQ(volume, 9U * 7U * 8U);
     }
-    EXPECT_EQ(joined({{0, 0, 4, 4, 8, 16}, {0, 0, 4, 4, 0, 8}, {4, 0, 8, 4, 0, 16}}),
+    EXPECT_EQ(join_neighbours({{0, 0, 4, 4, 8, 16}, {0, 0, 4, 4, 0, 8}, {4, 0, 8, 4, 0, 16}}),
               (std::vector<FilmPart>{{0, 0, 8, 4, 0, 16}}));
 }
 

@@ -8,13 +8,14 @@ Exit code 77: Slurm could not start here; what needs none is tested all the same
 import os
 import random
 import re
+import signal
 import subprocess
 import sys
 import tempfile
 import time
 
 sys.dont_write_bytecode = True
-from slurm import CannotStart, Slurm, kill, name_of, stop
+from slurm import CannotStart, Slurm, kill, name_of, state_of, stop
 
 marram = os.path.abspath(sys.argv[1])
 farm = os.path.join(os.path.dirname(os.path.abspath(__file__)), "../../scenes/farm")
@@ -137,7 +138,7 @@ def running(slurm, node=None):
     return found
 
 
-def wait_for(what, ready, seconds=120):
+def wait_for(what, ready, seconds=600):
     end = time.monotonic() + seconds
     while not (value := ready()):
         if time.monotonic() > end:
@@ -146,11 +147,24 @@ def wait_for(what, ready, seconds=120):
     return value
 
 
-def wait_for_task(slurm, chance, node=None):
-    """Some task that runs, at some moment of it: its job and process."""
-    wait_for("a task runs", lambda: running(slurm, node))
-    time.sleep(chance.uniform(0, 0.4))
-    return chance.choice(list(wait_for("a task runs", lambda: running(slurm, node)).items()))
+def hold_task(slurm, chance, node=None):
+    """Stops some task that runs, at some moment of it: its job and process. So it is there still when something happens to it,
+    however slow this machine is; KILL ends it, CONT lets it go on."""
+    while True:
+        wait_for("a task runs", lambda: running(slurm, node))
+        time.sleep(chance.uniform(0, 0.4))
+        found = list(running(slurm, node).items())
+        if found and held((task := chance.choice(found))[1]):
+            return task
+
+
+def held(pid):
+    try:
+        os.kill(pid, signal.SIGSTOP)
+    except ProcessLookupError:
+        return False
+    wait_for("it stops or ends", lambda: state_of(pid) in ("T", "Z", ""))
+    return state_of(pid) == "T"
 
 
 def job_field(slurm, job, field):
@@ -161,15 +175,17 @@ def gone(pid):
     return lambda: name_of(pid) != "marram"
 
 
-def preempt(slurm, chance):
-    """Sends an urgent job to the node of a task until one has had to go: short tasks may end before."""
-    while True:
-        job, pid = wait_for_task(slurm, chance)
-        slurm.run("sbatch", "--partition=urgent", f"--nodelist={job_field(slurm, job, 'NodeList')}", "--output=/dev/null", "--wrap=sleep 0.2")
-        wait_for("the task ends", gone(pid))
-        if wait_for("its state is told", lambda: job_field(slurm, job, "JobState") in ("PENDING", "COMPLETED")) and int(
-                job_field(slurm, job, "Restarts")):
-            return job
+def cancel(slurm, job, pid):
+    """Kills the whole task by Slurm: it is not requeued."""
+    slurm.run("scancel", "--signal=KILL", "--full", job)
+    wait_for("it ends", gone(pid))
+
+
+def preempt(slurm, job, pid):
+    """Sends an urgent job to the node of a task."""
+    slurm.run("sbatch", "--partition=urgent", f"--nodelist={job_field(slurm, job, 'NodeList')}", "--output=/dev/null", "--wrap=sleep 0.2")
+    wait_for("the task is requeued", lambda: int(job_field(slurm, job, "Restarts")))
+    wait_for("it ends", gone(pid))
 
 
 def bring_back(slurm):
@@ -186,19 +202,20 @@ def bring_back(slurm):
 
 def mishaps(slurm, chance):
     """Whatever may happen to tasks, each at some moment of one."""
-    job, pid = wait_for_task(slurm, chance)
+    job, pid = hold_task(slurm, chance)
     kill(pid)
     wait_for("it ends", gone(pid))
     print(f"    the program of job {job} is killed by kill -9")
 
-    job, pid = wait_for_task(slurm, chance)
-    slurm.run("scancel", "--signal=KILL", "--full", job, check=False)
-    wait_for("it ends", gone(pid))
+    job, pid = hold_task(slurm, chance)
+    cancel(slurm, job, pid)
     print(f"    job {job} is killed by scancel")
 
-    print(f"    job {preempt(slurm, chance)} is preempted")
+    job, pid = hold_task(slurm, chance)
+    preempt(slurm, job, pid)
+    print(f"    job {job} is preempted")
 
-    job, pid = wait_for_task(slurm, chance, "node2")
+    job, pid = hold_task(slurm, chance, "node2")
     slurm.kill_node("node2")
     slurm.run("scontrol", "update", "nodename=node2", "state=down", "reason=test")
     print(f"    node2 fails with job {job}")
@@ -230,13 +247,10 @@ def ranges(slurm, chance):
     parts = [f"{picture}.samples_{first}_{first + 199}.state.tif" for first in range(0, 1600, 200)]
     work = Submits(slurm, "ranges", [picture], "--frames=7", "--spp=1600", "--samples-per-task=200", parts=parts)
     work.begin()
-    for how in ("kill -9", "scancel"):
-        job, pid = wait_for_task(slurm, chance)
-        if how == "scancel":
-            slurm.run("scancel", "--signal=KILL", "--full", job, check=False)
-        else:
-            kill(pid)
-        wait_for("it ends", gone(pid))
+    job, pid = hold_task(slurm, chance)
+    kill(pid)
+    wait_for("it ends", gone(pid))
+    cancel(slurm, *hold_task(slurm, chance))
     check("without a range there is no picture", work.end() == 0 and "missing: 7" in sheet("ranges"), sheet("ranges"))
     work.begin()
     check("the second submit merges it", work.end() == 1, sheet("ranges"))
@@ -250,11 +264,12 @@ def warning(slurm, chance):
     """The signal that Slurm sends before the time limit; sent here, since limits are whole minutes. The task saves what it has, goes
     back into the queue by itself, and goes on."""
     one("long", 7, "--spp", "2000")
-    work = Submits(slurm, "warned", names("warned", [7]), "--frames", "7", "--spp", "2000")
+    work = Submits(slurm, "warned", names("warned", [7]), "--frames", "7", "--spp", "2000", "--checkpoint", "0.2")
     work.begin()
-    job, pid = wait_for_task(slurm, chance)
-    time.sleep(0.6)
+    wait_for("some samples are traced", lambda: os.path.exists("warned/a.0007.exr.state.tif"))
+    job, pid = hold_task(slurm, chance)
     slurm.run("scancel", "--batch", "--signal=USR1", job)
+    os.kill(pid, signal.SIGCONT)
     wait_for("it ends", gone(pid))
     check("the picture is there after one submit", work.end() == 1, sheet("warned"))
     work.check_all(bits(names("long", [7])))

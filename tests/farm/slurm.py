@@ -131,7 +131,7 @@ class Slurm:
             self.daemons[name or program] = subprocess.Popen([self.program(program), *arguments], env=self.environment, stdout=log,
                                                              stderr=log, stdin=subprocess.DEVNULL, start_new_session=True, cwd=cwd, preexec_fn=end_with_parent)
 
-    def wait_for(self, ready, what, seconds=30):
+    def wait_for(self, ready, what, seconds=120):
         end = time.monotonic() + seconds
         while not ready():
             dead = [name for name, process in self.daemons.items() if process.poll() is not None]
@@ -175,13 +175,14 @@ class Slurm:
         """As if its power failed: the daemon and all that it has started, at once."""
         self.daemons[node].kill()
         self.daemons[node].wait()
-        # slurmstepd has the environment of slurmd, which does not name the node; its tasks do.
-        tasks = self.processes(SLURMD_NODENAME=node)
-        for pid in [*map(parent_of, tasks), *tasks]:
-            if pid in tasks or name_of(pid) == "slurmstepd":
-                kill(pid)
+        # slurmstepd has the environment of slurmd, which does not name the node; its tasks do. Again, for what they have started
+        # meanwhile.
+        while tasks := [pid for pid in self.processes(SLURMD_NODENAME=node) if state_of(pid) not in ("Z", "")]:
+            for pid in [*map(parent_of, tasks), *tasks]:
+                if pid in tasks or name_of(pid) == "slurmstepd":
+                    kill(pid)
 
-    def wait_until_idle(self, seconds=60):
+    def wait_until_idle(self, seconds=600):
         """Until no job is in the queue."""
         end = time.monotonic() + seconds
         while self.run("squeue", "--noheader"):
@@ -220,12 +221,22 @@ def kill(pid):
         pass
 
 
-def parent_of(pid):
+def stat_of(pid):
+    """The fields of /proc/PID/stat behind the name: state, parent, ...; none if it has ended."""
     try:
         with open(f"/proc/{pid}/stat") as file:
-            return int(file.read().rsplit(")", 1)[1].split()[1])
+            return file.read().rsplit(")", 1)[1].split()
     except OSError:
-        return 0
+        return []
+
+
+def state_of(pid):
+    """R, S, T (stopped), Z, ...; "" if it has ended"""
+    return "".join(stat_of(pid)[:1])
+
+
+def parent_of(pid):
+    return int((stat_of(pid) or [0, 0])[1])
 
 
 def name_of(pid):

@@ -9,6 +9,7 @@
 #include "core/math/vec.h"
 #include "core/plugin/marram_plugin.h"
 
+#include <atomic>
 #include <cstdint>
 #include <map>
 #include <memory>
@@ -61,6 +62,7 @@ struct CurveGeometry {
         round_pieces; // [time] traced pieces: (segments * pieces + 1) vertices per curve; else empty
     std::vector<AttributeValues> attributes;
     std::vector<char> end_keys_only; // [curve]: 1 if it is traced with its first and last key; empty: none is
+    bool lazy = false;               // a patch's vertices and attributes are 0 until a ray has met it
 
     CurveLayout layout() const {
         return {curve_count, cvs_per_curve, offsets.empty() ? nullptr : offsets.data()};
@@ -70,10 +72,36 @@ struct CurveGeometry {
 // Some primitives of a CurveGeometry as an Embree geometry of their own (core/world/curve_parts.h). Its ID is
 // World::meshes.size() + World::curves.size() + its index in World::curve_parts.
 struct CurvePart {
-    uint32_t curves = 0;                                     // index in World::curves
-    std::shared_ptr<const std::vector<uint32_t>> primitives; // [of the part]: primitive of the CurveGeometry
-    bool end_keys_only = false;                              // moves linearly from the first key to the last
-    std::shared_ptr<RTCGeometryTy> owner{};                  // of the vertices
+    uint32_t curves = 0; // index in World::curves
+    // [of the part]: primitive of the CurveGeometry; nullptr: the same
+    std::shared_ptr<const std::vector<uint32_t>> primitives;
+    bool end_keys_only = false;             // moves linearly from the first key to the last
+    std::shared_ptr<RTCGeometryTy> owner{}; // of the vertices
+};
+
+// Some curves of a lazy patch as a geometry of the patch's own scene (core/world/lazy_curves.h): its user data.
+struct LazyPart {
+    uint32_t curves = 0;          // index in World::curves
+    uint32_t first_primitive = 0; // of the patch in that CurveGeometry
+    std::vector<uint32_t>
+        primitives{};           // [of the part]: primitive of the CurveGeometry; empty: from the first on
+    bool end_keys_only = false; // as CurvePart
+};
+
+// The lazy curves of a world, which change while rays are traced (core/world/lazy_curves.h).
+class LazyGeometry {
+  public:
+    virtual ~LazyGeometry() = default;
+    // Whether something has failed while rays were traced, which raise_failure() then throws: samples that were
+    // traced since may be wrong.
+    bool failed() const { return failed_.load(std::memory_order_relaxed); }
+    virtual void raise_failure() = 0;
+    // Call between passes, when no ray is traced: later ones are faster.
+    virtual void end_pass() = 0;
+    double reach = 0.0; // as World::reach, of what has become part of the world's own scene
+
+  protected:
+    std::atomic<bool> failed_{false};
 };
 
 struct DeviceErrors;
@@ -96,9 +124,11 @@ struct World {
     std::map<uint32_t, MeshGeometry> growth_surfaces; // by geometry ID, of meshes with a render mesh
     std::vector<CurveGeometry> curves;
     std::vector<CurvePart> curve_parts;
-    double reach = 0.0; // largest length + radius of a round piece, m (round_pieces.h); 0: there are none
-    Box3f bounds;       // of everything at every motion sample
+    bool has_round_pieces = false; // of which lazy curves have their own reach
+    double reach = 0.0;            // largest length + radius of a round piece, m (round_pieces.h)
+    Box3f bounds;                  // of meshes, and of the boxes of patches, at every motion sample
     std::vector<std::shared_ptr<RTCGeometryTy>> curve_buffers; // [curves] own what it points into
+    std::shared_ptr<LazyGeometry> lazy;               // nullptr: all curves were made before
 
     // The mesh that strands grow on and collide with.
     const MeshGeometry& growth_surface(uint32_t mesh) const {
@@ -118,7 +148,13 @@ inline CurvePrimitive curve_primitive(const World& world, uint32_t geometry, uin
     const size_t index = geometry - world.meshes.size();
     if (index < world.curves.size()) return {uint32_t(index), primitive, false};
     const CurvePart& part = world.curve_parts[index - world.curves.size()];
-    return {part.curves, (*part.primitives)[primitive], part.end_keys_only};
+    return {part.curves, part.primitives ? (*part.primitives)[primitive] : primitive, part.end_keys_only};
+}
+
+inline CurvePrimitive curve_primitive(const LazyPart& part, uint32_t primitive) {
+    return {part.curves,
+            part.primitives.empty() ? part.first_primitive + primitive : part.primitives[primitive],
+            part.end_keys_only};
 }
 
 } // namespace marram

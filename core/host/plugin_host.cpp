@@ -200,7 +200,8 @@ void Procedural::on_message(void* user, const MarramMessage* message) {
 }
 
 int Procedural::on_cancelled(void* user) {
-    return static_cast<Procedural*>(user)->cancel_->load(std::memory_order_relaxed) ? 1 : 0;
+    const Procedural& procedural = *static_cast<Procedural*>(user);
+    return procedural.cancel_->load(std::memory_order_relaxed) && procedural.cancellable_ ? 1 : 0;
 }
 
 void Procedural::on_progress(void* user, double share, const char* words) {

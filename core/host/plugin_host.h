@@ -98,6 +98,8 @@ class Procedural {
     };
     std::vector<ShelterRay> shelter_rays(const std::vector<Vec3d>& cvs, const Vec3d& root_normal);
     std::vector<std::string> take_warnings();
+    // False: it is not told that the work is cancelled, and so comes to its end.
+    void set_cancellable(bool cancellable) { cancellable_ = cancellable; }
     // Of the files that its values name; one line each.
     const std::vector<std::string>& file_warnings() const { return file_warnings_; }
     std::vector<std::string> take_common_warnings(); // see MARRAM_COMMON_WARNING
@@ -132,6 +134,7 @@ class Procedural {
     uint64_t digest_ = 0;
     const ProceduralType* type_ = nullptr;
     const std::atomic<bool>* cancel_;
+    std::atomic<bool> cancellable_{true};
     std::shared_ptr<const CurveAttributes> curve_attributes_; // of the scene's curves
     std::vector<std::shared_ptr<const VolumeValue>> volumes_; // that the instance points to
     const PrepareProgress* progress_ = nullptr;               // while prepare runs

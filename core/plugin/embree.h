@@ -57,8 +57,26 @@ struct MarramFilterContext {
 };
 #endif
 
-static inline void* marram_query_of(const struct RTCFilterFunctionNArguments* args) {
-    return ((struct MarramFilterContext*)args->context)->query;
+/* args: of the filter, or of the callback of a user geometry. */
+#define marram_query_of(args) (((struct MarramFilterContext*)(args)->context)->query)
+
+/* From the callbacks of a user geometry: goes on in another scene, with the same filter. For queries of one ray. */
+static inline void marram_nested_intersect1(const struct RTCIntersectFunctionNArguments* from, RTCScene scene,
+                                            struct RTCRayHit* rayhit) {
+#if MARRAM_EMBREE_MAJOR == 4
+    rtcForwardIntersect1(from, scene, &rayhit->ray, RTC_INVALID_GEOMETRY_ID);
+#else
+    rtcIntersect1(scene, from->context, rayhit);
+#endif
+}
+
+static inline void marram_nested_occluded1(const struct RTCOccludedFunctionNArguments* from, RTCScene scene,
+                                           struct RTCRay* ray) {
+#if MARRAM_EMBREE_MAJOR == 4
+    rtcForwardOccluded1(from, scene, ray, RTC_INVALID_GEOMETRY_ID);
+#else
+    rtcOccluded1(scene, from->context, ray);
+#endif
 }
 
 static inline void marram_intersect1_filtered(RTCScene scene, struct RTCRayHit* rayhit, int coherent,

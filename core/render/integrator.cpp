@@ -108,7 +108,8 @@ void render_tile(const RenderContext& context, const Tile& tile, uint32_t end, F
     for (uint32_t y = tile.y0; y < tile.y1 && !stopped; ++y) {
         uint64_t advanced = 0; // samples
         for (uint32_t x = tile.x0; x < tile.x1; ++x) {
-            stopped = cancelled(progress) || deadline.passed();
+            stopped = cancelled(progress) || deadline.passed() ||
+                      (context.world.lazy && context.world.lazy->failed());
             if (stopped) break;
             FilmPixel& pixel = film.pixel_states[static_cast<size_t>(y) * film.width + x];
             const uint32_t begin = pixel.next_sample;
@@ -145,6 +146,7 @@ void render_pass(const RenderContext& context, uint32_t end, Film& film, RenderS
         }
     };
     tbb::parallel_for(tbb::blocked_range<uint32_t>(0, columns * rows, 1), body, tbb::simple_partitioner());
+    if (context.world.lazy) context.world.lazy->raise_failure();
 }
 
 // First end of a pass after `begin`. `begin` lies inside a pass if an earlier render asked for fewer samples.
@@ -277,7 +279,8 @@ void render_passes(const RenderContext& context, Film& film, RenderStats& stats,
         if (all_at(begin, film) && !decide(context, begin, film, stats, progress)) return;
         while (begin < end) { // partial passes: near the deadline, to measure the cost, or to split them
             // The first sample is always completed.
-            if (settings.seconds > 0.0 && begin > settings.first_sample) deadline.time = start + settings.seconds;
+            if (settings.seconds > 0.0 && begin > settings.first_sample)
+                deadline.time = start + settings.seconds;
             stats.out_of_time = deadline.passed();
             if (stats.out_of_time) return;
             double left = deadline.time ? *deadline.time - clock() : unlimited;
@@ -294,6 +297,7 @@ void render_passes(const RenderContext& context, Film& film, RenderStats& stats,
             const uint64_t samples_taken = count_samples(film).total - samples_before;
             if (samples_taken > 0) seconds_per_sample = (clock() - before) / double(samples_taken);
             begin = partial_end;
+            if (begin < settings.samples && context.world.lazy) context.world.lazy->end_pass();
             if (splits_passes && begin < end) progress->between_passes(film);
         }
         if (begin < settings.samples && progress && progress->between_passes) progress->between_passes(film);

@@ -12,6 +12,7 @@
 #include "core/shot/scene/scene_camera.h"
 #include "core/shot/scene/scene_files.h"
 #include "core/shot/settings.h"
+#include "core/world/lazy_curves.h"
 
 #include <fmt/format.h>
 #include <tbb/parallel_invoke.h>
@@ -267,6 +268,7 @@ World build_frame(Frame& frame, KeptGeometry kept) {
     BuildSettings settings = build_settings(frame.shot, frame.files.frame);
     settings.attributes = wanted_attributes(frame.shot, frame.layers);
     settings.camera = camera_samples(frame.shot, frame.files.frame);
+    settings.lazy = frame.shot.description.film.text("geometry") == "lazy";
     World world = build_world(frame.shot.geometry, settings, frame.cancel, frame.progress.build,
                               frame.stats.build, std::move(kept));
     check_root_uvs(frame.shot, world);
@@ -327,6 +329,7 @@ void trace_frame(Frame& frame, const World& world, Preview& preview) {
             camera.poses.size(), off));
     frame.stats.render =
         render(world, lights, frame.shot.materials, camera, frame.settings, frame.film, &progress.render);
+    add_lazy_stats(world, frame.stats.build);
     frame.stats.trace = wall_seconds() - begin;
 }
 

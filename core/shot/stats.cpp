@@ -72,6 +72,11 @@ nlohmann::ordered_json to_json(const FrameStats& stats) {
                       {"curve_bytes", build.curve_bytes},
                       {"curve_extra_bytes", build.attribute_bytes},
                       {"volume_bytes", build.volume_bytes}};
+    if (build.patches > 0) // of lazy curves
+        json["lazy"] = {{"patches", build.patches},
+                        {"built", build.built_patches},
+                        {"thread_seconds", build.lazy_thread_seconds},
+                        {"merging", build.lazy_merging}};
     if (stats.memory_limit > 0) json["memory"]["limit_bytes"] = stats.memory_limit;
     json["rays"] = stats.render.rays.intersect + stats.render.rays.occluded;
     json["dropped_rays"] = stats.render.rays.invalid;

@@ -61,7 +61,9 @@ struct Query {
     Vec3d origin, direction;
     double tnear, tfar; // the ray's own
     float time;
-    double t; // of the nearest hit
+    double t;     // of the nearest hit
+    uint64_t hit; // its curves and primitive
+    double reach; // of the pieces that are traced now
 };
 
 // A piece at a time, interpolated as in Embree, but in double.
@@ -81,17 +83,22 @@ RoundPiece piece_of(const CurveGeometry& curves, const CurvePrimitive& traced, f
     return piece;
 }
 
-// True if the ray enters the piece that Embree has hit, at t < before.
-bool entered(const Query& query, const RTCHit& hit, double before, Entry& entry) {
-    const CurvePrimitive traced = curve_primitive(*query.world, hit.geomID, hit.primID);
-    const RoundPiece piece = piece_of(query.world->curves[traced.curves], traced, query.time);
-    return enter(piece, query.origin, query.direction, query.tnear, entry) && entry.t < before;
+// The round piece that Embree has hit; false if it is none.
+bool find_piece(const RTCFilterFunctionNArguments* args, const Query& query, CurvePrimitive& traced) {
+    const World& world = *query.world;
+    const RTCHit& hit = *reinterpret_cast<const RTCHit*>(args->hit);
+    if (const auto* part = static_cast<const LazyPart*>(args->geometryUserPtr)) // in the scene of a patch
+        traced = curve_primitive(*part, hit.primID);
+    else if (hit.geomID < world.meshes.size())
+        return false;
+    else
+        traced = curve_primitive(world, hit.geomID, hit.primID);
+    return !world.curves[traced.curves].round_pieces.empty();
 }
 
-bool is_piece(const Query& query, uint32_t geometry) {
-    const World& world = *query.world;
-    return geometry >= world.meshes.size() &&
-           !world.curves[curve_primitive(world, geometry, 0).curves].round_pieces.empty();
+bool entered(const Query& query, const CurvePrimitive& traced, Entry& entry) {
+    const RoundPiece piece = piece_of(query.world->curves[traced.curves], traced, query.time);
+    return enter(piece, query.origin, query.direction, query.tnear, entry);
 }
 
 // An upper bound of t that includes the error of Embree's own t.
@@ -102,30 +109,40 @@ void nearest(const RTCFilterFunctionNArguments* args) {
     RTCRay& ray = *reinterpret_cast<RTCRay*>(args->ray);
     RTCHit& hit = *reinterpret_cast<RTCHit*>(args->hit);
     double t = ray.tfar;
-    if (is_piece(query, hit.geomID)) {
+    CurvePrimitive traced{};
+    if (find_piece(args, query, traced)) {
         Entry entry;
-        if (!entered(query, hit, query.t, entry)) {
+        // Neighbours share the ball between them: whichever Embree finds first, the same one is hit.
+        const uint64_t id = uint64_t(traced.curves) << 32 | traced.primitive;
+        if (!entered(query, traced, entry) || entry.t > query.t || (entry.t == query.t && id >= query.hit)) {
             args->valid[0] = 0;
             return;
         }
+        query.hit = id;
         hit.u = static_cast<float>(entry.along);
         t = entry.t;
     } else if (!(t < query.t)) {
         args->valid[0] = 0;
         return;
+    } else {
+        query.hit = 0; // no piece at the same distance replaces it
     }
     query.t = t;
-    ray.tfar = beyond(t + query.world->reach);
+    ray.tfar = beyond(t + query.reach);
 }
 
 void any(const RTCFilterFunctionNArguments* args) {
     const Query& query = *static_cast<Query*>(marram_query_of(args));
     const RTCRay& ray = *reinterpret_cast<const RTCRay*>(args->ray);
-    const RTCHit& hit = *reinterpret_cast<const RTCHit*>(args->hit);
     Entry entry;
-    const bool met = is_piece(query, hit.geomID) ? entered(query, hit, query.tfar, entry)
-                                                 : static_cast<double>(ray.tfar) <= query.tfar;
+    CurvePrimitive traced{};
+    const bool met = find_piece(args, query, traced) ? entered(query, traced, entry) && entry.t < query.tfar
+                                                     : static_cast<double>(ray.tfar) <= query.tfar;
     if (!met) args->valid[0] = 0;
+}
+
+double reach_of(const World& world) {
+    return world.lazy ? std::max(world.reach, world.lazy->reach) : world.reach;
 }
 
 Query query_of(const World& world, RTCRay& ray) {
@@ -135,40 +152,54 @@ Query query_of(const World& world, RTCRay& ray) {
                       ray.tnear,
                       ray.tfar,
                       ray.time,
-                      ray.tfar};
-    ray.tfar = beyond(query.tfar + world.reach);
+                      ray.tfar,
+                      0, // nothing at tfar itself is hit
+                      reach_of(world)};
+    ray.tfar = beyond(query.tfar + query.reach);
     return query;
 }
 
 } // namespace
+
+double reach_of(const float* vertices, size_t curves, size_t pieces) {
+    double reach = 0.0;
+    for (size_t curve = 0; curve < curves; ++curve)
+        for (size_t i = 0; i < pieces; ++i) {
+            const float* v = vertices + 4 * (curve * (pieces + 1) + i);
+            const double length = (Vec3f::Map(v + 4) - Vec3f::Map(v)).norm();
+            reach = std::max(reach, length + std::max(std::abs(v[3]), std::abs(v[7])));
+        }
+    return reach;
+}
+
+void mark_round_vertices(float* vertices, size_t count) {
+    for (size_t i = 0; i < count; ++i) vertices[4 * i + 3] = -std::abs(vertices[4 * i + 3]);
+}
 
 void add_round_pieces(World& world, CurveGeometry& curves, float* vertices) {
     const size_t pieces = (curves.cvs_per_curve - 1) * curves.pieces;
     const double reach = tbb::parallel_reduce(
         tbb::blocked_range<size_t>(0, curves.curve_count, 4096), 0.0,
         [=](const auto& range, double reach) {
-            for (size_t curve = range.begin(); curve < range.end(); ++curve)
-                for (size_t i = 0; i < pieces; ++i) {
-                    const float* v = vertices + 4 * (curve * (pieces + 1) + i);
-                    const double length = (Vec3f::Map(v + 4) - Vec3f::Map(v)).norm();
-                    reach = std::max(reach, length + std::max(std::abs(v[3]), std::abs(v[7])));
-                }
-            return reach;
+            return std::max(reach,
+                            reach_of(vertices + 4 * range.begin() * (pieces + 1), range.size(), pieces));
         },
         [](double a, double b) { return std::max(a, b); });
     world.reach = std::max(world.reach, reach);
+    world.has_round_pieces = true;
     curves.round_pieces.push_back(vertices);
 }
 
 void mark_round_pieces(World& world) {
-    for (CurveGeometry& curves : world.curves)
+    for (CurveGeometry& curves : world.curves) {
+        if (curves.lazy) continue;
         for (float* vertices : curves.round_pieces) {
             const size_t count = curves.curve_count * ((curves.cvs_per_curve - 1) * curves.pieces + 1);
             tbb::parallel_for(tbb::blocked_range<size_t>(0, count, 65536), [=](const auto& range) {
-                for (size_t i = range.begin(); i < range.end(); ++i)
-                    vertices[4 * i + 3] = -std::abs(vertices[4 * i + 3]);
+                mark_round_vertices(vertices + 4 * range.begin(), range.size());
             });
         }
+    }
 }
 
 void intersect_round(const World& world, RTCRayHit& hit, bool coherent, double& t) {
@@ -181,6 +212,31 @@ void intersect_round(const World& world, RTCRayHit& hit, bool coherent, double& 
 void occluded_round(const World& world, RTCRay& ray) {
     Query query = query_of(world, ray);
     marram_occluded1_filtered(world.scene.get(), &ray, any, &query);
+}
+
+void intersect_patch(const RTCIntersectFunctionNArguments* args, RTCScene patch, double reach,
+                     RTCRayHit& hit) {
+    if (reach == 0.0) { // whatever is traced there is no round piece
+        marram_nested_intersect1(args, patch, &hit);
+        return;
+    }
+    Query& query = *static_cast<Query*>(marram_query_of(args));
+    query.reach = reach;
+    hit.ray.tfar = beyond(query.t + reach);
+    marram_nested_intersect1(args, patch, &hit);
+    query.reach = reach_of(*query.world);
+    hit.ray.tfar = beyond(query.t + query.reach);
+}
+
+void occluded_patch(const RTCOccludedFunctionNArguments* args, RTCScene patch, double reach, RTCRay& ray) {
+    if (reach == 0.0) {
+        marram_nested_occluded1(args, patch, &ray);
+        return;
+    }
+    const Query& query = *static_cast<const Query*>(marram_query_of(args));
+    ray.tfar = beyond(query.tfar + reach);
+    marram_nested_occluded1(args, patch, &ray);
+    if (ray.tfar >= 0.0F) ray.tfar = beyond(query.tfar + query.reach);
 }
 
 } // namespace marram

@@ -42,14 +42,26 @@ bool enter(const RoundPiece& piece, const Vec3d& origin, const Vec3d& direction,
 // key. They stay in use.
 void add_round_pieces(World& world, CurveGeometry& curves, float* vertices);
 
+// Largest length + radius of the pieces of some curves at a motion key, m.
+double reach_of(const float* vertices, size_t curves, size_t pieces);
+
+// The same for the scene of a patch, whose vertices these are.
+void mark_round_vertices(float* vertices, size_t count);
+
 // Call after the scene is committed. Embree ignores flat pieces whose axis a ray meets within 2 r of its
 // start. It reads vertices during traversal: with negative radii it ignores pieces within 2 r behind the
 // start instead, which the ray cannot enter anyway.
 void mark_round_pieces(World& world);
 
-// Like rtcIntersect1 and rtcOccluded1, in a world with round pieces: World::reach > 0. For a hit on a piece,
+// Like rtcIntersect1 and rtcOccluded1, in a world with round pieces (World::has_round_pieces). For a hit on a piece,
 // hit.u is Entry::along and t is Entry::t in double; else t is ray.tfar.
 void intersect_round(const World& world, RTCRayHit& query, bool coherent, double& t);
 void occluded_round(const World& world, RTCRay& query);
+
+// Goes on with a query in the scene of a lazy patch, from the callback of its box. reach: of its round pieces, 0
+// if there are none. Geometries of the patch have a LazyPart as user data.
+void intersect_patch(const RTCIntersectFunctionNArguments* args, RTCScene patch, double reach,
+                     RTCRayHit& hit);
+void occluded_patch(const RTCOccludedFunctionNArguments* args, RTCScene patch, double reach, RTCRay& ray);
 
 } // namespace marram

@@ -6,6 +6,7 @@
 #include "core/math/digest.h"
 #include "core/trace/round_pieces.h"
 #include "core/world/build_state.h"
+#include "core/world/lazy_curves.h"
 
 #include <algorithm>
 #include <bit>
@@ -208,9 +209,19 @@ World build_world(SceneGeometry& geometry, const BuildSettings& settings, const 
     rtcGetSceneBounds(settings.trace_curves ? world.scene.get() : world.colliders.get(), &bounds);
     world.bounds = Box3f(Vec3f(bounds.lower_x, bounds.lower_y, bounds.lower_z),
                          Vec3f(bounds.upper_x, bounds.upper_y, bounds.upper_z));
-    for (const auto& procedural : geometry.procedurals) take_warnings(build, *procedural); // from pose()
+    for (const Box3f& box : stats.patch_bounds) world.bounds.extend(box); // the same if curves are lazy
+    for (const auto& procedural : geometry.procedurals)
+        take_warnings(build.stats, *procedural); // from pose()
     take_common_warnings(build);
     world.curve_buffers = std::move(build.curves);
+    if (world.lazy) {
+        auto& lazy = static_cast<LazyWorld&>(*world.lazy);
+        lazy.lent = std::move(build.lent);
+        for (const auto& procedural : geometry.procedurals) {
+            procedural->set_cancellable(false);
+            lazy.procedurals.push_back(procedural.get());
+        }
+    }
     return std::move(build.world);
 }
 

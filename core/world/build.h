@@ -61,6 +61,7 @@ struct BuildSettings {
     // as all, 0: they stay.
     double widening = 0.0;
     bool trace_curves = true; // false: curves are made but not traced (baking)
+    bool lazy = false;        // patches of curves are made when a ray meets them (lazy_curves.h)
     // Straight pieces per segment; 0: trace the cubic; -1: the tolerance chooses (curve_pieces.h).
     int curve_pieces = -1;
     std::string state_folder; // for the states of simulations; "": keep them in memory for this run
@@ -90,10 +91,13 @@ struct BuildStats {
     double mesh_motion_error = 0.0; // m, likewise, of meshes that move within the shutter, with the keys used
     // Settings that the tolerance chose, by procedural and setting, such as "fur.cvs".
     std::map<std::string, double> chosen;
-    uint64_t curves = 0, cvs = 0, segments = 0, triangles = 0;
-    uint64_t curve_bytes = 0;     // vertices, normals, indices, primitives of parts
-    uint64_t attribute_bytes = 0; // of curves
-    uint64_t volume_bytes = 0;    // of velocities, all files of sequences
+    uint64_t curves = 0, cvs = 0, segments = 0, triangles = 0; // lazy ones too, built or not
+    uint64_t patches = 0, built_patches = 0;                   // of lazy curves; known after tracing
+    double lazy_thread_seconds = 0.0; // of all threads, spent on these while rays were traced
+    double lazy_merging = 0.0;        // wall seconds, likewise
+    uint64_t curve_bytes = 0;         // vertices, normals, indices, primitives of parts
+    uint64_t attribute_bytes = 0;     // of curves
+    uint64_t volume_bytes = 0;        // of velocities, all files of sequences
     std::vector<std::string> warnings;
     std::vector<Box3f> patch_bounds; // as declared by the procedurals, in curve order
 };

@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // Builds the curves of a frame: chooses the number of motion keys, lets procedurals write CVs into Embree's
 // buffers, and attaches these as cubics or as straight pieces.
+#include "core/geometry/reserved_memory.h"
 #include "core/trace/curve_pieces.h"
 #include "core/trace/round_pieces.h"
 #include "core/world/build_state.h"
 #include "core/world/curve_parts.h"
+#include "core/world/lazy_curves.h"
 #include "core/world/lent_geometry.h"
 
 #include <fmt/format.h>
@@ -83,14 +85,26 @@ void check_patches(const CurveBuild& item) {
         procedural.refuse("its patches do not add up to its curves", "fix the library");
 }
 
-void allocate(Build& build, CurveBuild& item) {
+// A motion key of an array of lazy curves.
+float* reserve(CurveBuild& item, size_t bytes) {
+    const auto memory = std::make_shared<ReservedMemory>(bytes + 16); // that Embree may read past the end
+    item.memory.push_back(memory);
+    return memory->as<float>();
+}
+
+void allocate_vertices(Build& build, CurveBuild& item, size_t vertices) {
     const MarramOutput& output = item.output;
-    const CurveLayout layout = layout_of(output);
-    const size_t count = output.curve_count, vertices = layout.vertex_count();
+    const bool oriented = output.shape == MARRAM_ORIENTED_RIBBON;
+    if (item.lazy) {
+        for (uint32_t t = 0; t < output.time_count; ++t) {
+            item.vertices.push_back(reserve(item, 16 * vertices));
+            if (oriented) item.normals.push_back(reserve(item, 12 * vertices));
+        }
+        return;
+    }
     RTCGeometry geometry = rtcNewGeometry(build.world.device.get(), curve_type(output));
     item.geometry = {geometry, [](RTCGeometry g) { rtcReleaseGeometry(g); }};
     rtcSetGeometryTimeStepCount(geometry, output.time_count);
-    const bool oriented = output.shape == MARRAM_ORIENTED_RIBBON;
     for (uint32_t t = 0; t < output.time_count; ++t) {
         item.vertices.push_back(static_cast<float*>(
             rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, t, RTC_FORMAT_FLOAT4, 16, vertices)));
@@ -99,6 +113,14 @@ void allocate(Build& build, CurveBuild& item) {
                 geometry, RTC_BUFFER_TYPE_NORMAL, t, RTC_FORMAT_FLOAT3, 12, vertices)));
     }
     build.check_device();
+    build.stats.curve_bytes += vertices * output.time_count * (oriented ? 28 : 16);
+}
+
+void allocate(Build& build, CurveBuild& item) {
+    const MarramOutput& output = item.output;
+    const CurveLayout layout = layout_of(output);
+    const size_t count = output.curve_count, vertices = layout.vertex_count();
+    allocate_vertices(build, item, vertices);
     CurveGeometry& curves = item.curves;
     curves.name = item.procedural->name();
     curves.material = item.procedural->material;
@@ -136,12 +158,12 @@ void allocate(Build& build, CurveBuild& item) {
             (attribute.rate == MARRAM_PER_CV ? layout.cv_count() : count) * attribute.components;
         curves.attributes.push_back({attribute.name, attribute.components, attribute.rate,
                                      std::vector<float>(values), attribute.discrete != 0});
+        item.attribute_values.push_back(curves.attributes.back().values.data());
         build.stats.attribute_bytes += values * sizeof(float);
     }
     build.stats.curves += count;
     build.stats.cvs += layout.cv_count();
     build.stats.segments += layout.segment_count();
-    build.stats.curve_bytes += vertices * output.time_count * (oriented ? 28 : 16);
 }
 
 // True if the tolerance, not film.curve_pieces, chooses the number of straight pieces (linear segments).
@@ -157,7 +179,9 @@ bool finite(const float* values, size_t count) {
     return most < exponent;
 }
 
-void tessellate_patch(CurveBuild& item, uint32_t index) {
+} // namespace
+
+void tessellate_patch(const CurveBuild& item, uint32_t index) {
     const MarramPatch& patch = item.patches[index];
     const CurveLayout layout = layout_of(item.output);
     const size_t first_vertex = layout.first_vertex(patch.first_curve);
@@ -170,10 +194,10 @@ void tessellate_patch(CurveBuild& item, uint32_t index) {
         if (!item.normals.empty()) normals[t] = item.normals[t] + 3 * first_vertex;
     }
     for (size_t a = 0; a < item.attributes.size(); ++a) {
-        AttributeValues& values = item.curves.attributes[a];
+        const MarramAttribute& attribute = item.procedural->attributes()[item.attributes[a]];
         const size_t first =
-            values.rate == MARRAM_PER_CV ? layout.first_cv(patch.first_curve) : patch.first_curve;
-        attributes[a] = values.values.data() + first * values.components;
+            attribute.rate == MARRAM_PER_CV ? layout.first_cv(patch.first_curve) : patch.first_curve;
+        attributes[a] = item.attribute_values[a] + first * attribute.components;
     }
     item.procedural->tessellate(
         index, {sizeof(MarramPatchBuffers), vertices, item.normals.empty() ? nullptr : normals,
@@ -185,6 +209,8 @@ void tessellate_patch(CurveBuild& item, uint32_t index) {
             item.procedural->refuse("a CV is not a finite number",
                                     "look for huge values in the scene, or fix the library");
 }
+
+namespace {
 
 // Segment k of curve c starts at vertex c * stride + k.
 void put_indices(Build& build, RTCGeometry geometry, size_t curves, uint32_t segments, uint32_t stride) {
@@ -232,14 +258,18 @@ TracedVertices traced_pieces(Build& build, CurveBuild& item) {
     if (output.curve_count > std::numeric_limits<uint32_t>::max() / (uint64_t(per_curve) + 1))
         item.procedural->refuse("its curves need more than 2^32 vertices when they are cut into pieces",
                                 "set film.curve_pieces = 0, or use fewer strands");
-    RTCGeometry geometry = rtcNewGeometry(build.world.device.get(), RTC_GEOMETRY_TYPE_FLAT_LINEAR_CURVE);
-    TracedVertices traced{{geometry, [](RTCGeometry g) { rtcReleaseGeometry(g); }},
-                          RTC_GEOMETRY_TYPE_FLAT_LINEAR_CURVE,
-                          {},
-                          {},
-                          output.curve_count * (per_curve + 1),
-                          per_curve,
+    TracedVertices traced{{},           RTC_GEOMETRY_TYPE_FLAT_LINEAR_CURVE,  {},
+                          {},           output.curve_count * (per_curve + 1), per_curve,
                           per_curve + 1};
+    if (item.lazy) { // written when its patches are built
+        for (uint32_t t = 0; t < output.time_count; ++t) {
+            traced.vertices.push_back(reserve(item, 16 * traced.vertex_count));
+            if (output.shape == MARRAM_ROUND) item.curves.round_pieces.push_back(traced.vertices.back());
+        }
+        return traced;
+    }
+    RTCGeometry geometry = rtcNewGeometry(build.world.device.get(), RTC_GEOMETRY_TYPE_FLAT_LINEAR_CURVE);
+    traced.geometry = {geometry, [](RTCGeometry g) { rtcReleaseGeometry(g); }};
     rtcSetGeometryTimeStepCount(geometry, output.time_count);
     for (uint32_t t = 0; t < output.time_count; ++t) {
         auto* vertices = static_cast<float*>(rtcSetNewGeometryBuffer(
@@ -276,17 +306,18 @@ bool mostly_round(const std::vector<CurveBuild>& items) {
 ChordErrors chord_errors(const CurveBuild& item, const BuildSettings& settings) {
     const ChordLimit limit{settings.tolerance, settings.view.pixel_angle, settings.view.position};
     const uint32_t cvs = item.output.cvs_per_curve;
+    const std::vector<uint32_t> known = item.known_patches();
     const auto of_patches = [&](const tbb::blocked_range<size_t>& patches, ChordErrors errors) {
         for (size_t i = patches.begin(); i < patches.end(); ++i)
             for (uint32_t t = 0; t < item.output.time_count; ++t) {
-                const MarramPatch& patch = item.patches[i];
+                const MarramPatch& patch = item.patches[known[i]];
                 add_chord_errors({item.vertices[t] + 4 * patch.first_curve * (cvs + 2), patch.curve_count,
                                   cvs, item.output.basis},
                                  limit, errors);
             }
         return errors;
     };
-    return tbb::parallel_reduce(tbb::blocked_range<size_t>(0, item.patches.size()), ChordErrors{}, of_patches,
+    return tbb::parallel_reduce(tbb::blocked_range<size_t>(0, known.size()), ChordErrors{}, of_patches,
                                 max_errors);
 }
 
@@ -304,10 +335,29 @@ uint32_t choose_pieces(Build& build, const CurveBuild& item, bool allow_round_pi
     return pieces;
 }
 
-// Attaches the curves to the world scene, as cubics or as straight pieces. set: their index in World::curves.
-// spans: see attach_parts().
-void attach(Build& build, CurveBuild& item, uint32_t set, bool spans) {
-    const TracedVertices traced = item.curves.pieces > 0 ? traced_pieces(build, item) : traced_cubics(item);
+// Attaches the boxes of lazy curves, which then own the rest.
+void attach_lazy(Build& build, CurveBuild& item, TracedVertices traced, uint32_t set, bool spans) {
+    World& world = build.world;
+    world.has_round_pieces |= !item.curves.round_pieces.empty();
+    item.curves.lazy = true;
+    world.curves.push_back(std::move(item.curves));
+    if (!world.lazy) world.lazy = std::make_shared<LazyWorld>(world.scene, world.errors);
+    auto& lazy = static_cast<LazyWorld&>(*world.lazy);
+    const size_t end_key_id = world.meshes.size() + build.items.size() + world.curve_parts.size();
+    if (item.has_parts) world.curve_parts.push_back({.curves = set, .end_keys_only = true});
+    lazy.curves.push_back(std::make_unique<LazyCurves>(build, lazy, std::move(item), std::move(traced), set,
+                                                       uint32_t(end_key_id), spans));
+    lazy.curves.back()->attach(build);
+}
+
+// Attaches the curves to the world scene, as cubics or as straight pieces. spans: see attach_parts().
+void attach(Build& build, CurveBuild& item, bool spans) {
+    const auto set = uint32_t(build.world.curves.size());
+    TracedVertices traced = item.curves.pieces > 0 ? traced_pieces(build, item) : traced_cubics(item);
+    if (item.lazy) {
+        attach_lazy(build, item, std::move(traced), set, spans);
+        return;
+    }
     if (!item.curves.end_keys_only.empty()) {
         attach_parts(build, item, traced, set, spans);
         return;
@@ -319,19 +369,21 @@ void attach(Build& build, CurveBuild& item, uint32_t set, bool spans) {
     attach_geometry(build, traced.geometry.get(), unsigned(build.world.meshes.size() + set));
 }
 
-// Adds a procedural's report and warnings to the statistics. wall: seconds that its curves took.
-void take_report(Build& build, Procedural& procedural, double wall) {
-    BuildStats& stats = build.stats;
+} // namespace
+
+void take_report(BuildStats& stats, Procedural& procedural, double wall) {
     stats.report.add(procedural.name(), procedural.report(), wall);
     constexpr std::string_view chosen = "chosen.";
     for (const auto& [path, entry] : stats.report.entries())
         if (const auto own = entry.each.find(procedural.name());
             path.starts_with(chosen) && own != entry.each.end())
             stats.chosen[procedural.name() + "." + path.substr(chosen.size())] = own->second;
-    take_warnings(build, procedural);
+    take_warnings(stats, procedural);
 }
 
 // ---- number of motion keys -----------------------------------------------------------------------------
+
+namespace {
 
 constexpr uint32_t few_instants = 5, more_instants = 17; // at which strand motion is sampled
 
@@ -340,7 +392,7 @@ StrandMotion measure_motion(Build& build, Procedural& procedural, uint32_t insta
     StrandMotion motion;
     const LentGeometry lent(build, procedural, build.times(instants)); // may build colliders
     if (procedural.prepares()) prepare(build, procedural, lent.frame());
-    take_warnings(build, procedural); // of the preparation, which is not repeated
+    take_warnings(build.stats, procedural); // of the preparation, which is not repeated
     build.progress.phase = "looking at motion";
     const double before = wall_seconds();
     const MarramOutput output = procedural.begin(lent.frame()); // reports its own seconds
@@ -379,7 +431,8 @@ StrandMotion measure_motion(Build& build, Procedural& procedural, uint32_t insta
         }
     });
     for (const StrandMotion& one : found) motion.add(one);
-    take_warnings(build, procedural); // of what make_curves() does not repeat, such as the placing of roots
+    take_warnings(build.stats,
+                  procedural); // of what make_curves() does not repeat, such as the placing of roots
     return motion;
 }
 
@@ -427,11 +480,12 @@ uint32_t motion_keys_of_curves(Build& build, Procedural& procedural) {
 void make_curves(Build& build, Procedural& procedural, uint32_t keys) {
     CurveBuild& item = build.items.emplace_back();
     item.procedural = &procedural;
-    const LentGeometry lent(build, procedural, build.times(keys)); // may build colliders
-    if (procedural.prepares()) prepare(build, procedural, lent.frame());
+    const auto lent =
+        std::make_shared<LentGeometry>(build, procedural, build.times(keys)); // may build colliders
+    if (procedural.prepares()) prepare(build, procedural, lent->frame());
     build.progress.fraction = 0.0;
     build.progress.phase = "expanding";
-    item.output = procedural.begin(lent.frame());
+    item.output = procedural.begin(lent->frame());
     check_output(procedural, item.output);
     const double patches_start = wall_seconds();
     item.patches.resize(item.output.patch_count);
@@ -441,16 +495,23 @@ void make_curves(Build& build, Procedural& procedural, uint32_t keys) {
     check_patches(item);
     if (item.output.time_count != 1 && item.output.time_count != keys)
         procedural.refuse("its number of motion samples is not the requested one", "fix the library");
+    if (can_be_lazy(build, procedural, item.output)) {
+        item.lazy = true;
+        item.lent = lent;
+        if (tolerance_chooses_pieces(item.output, build.settings) || (build.chooses_keys() && keys > 2))
+            item.looked_at = patches_to_look_at(item, build.settings.view);
+    }
     allocate(build, item);
     const double begin = wall_seconds();
+    const std::vector<uint32_t> to_make = item.known_patches();
     std::atomic<uint32_t> done{0};
-    tbb::parallel_for(uint32_t{0}, item.output.patch_count, [&](uint32_t index) {
+    tbb::parallel_for(size_t{0}, to_make.size(), [&](size_t i) {
         if (build.cancel.load(std::memory_order_relaxed)) throw Cancelled{};
-        tessellate_patch(item, index);
-        build.progress.fraction = double(++done) / double(item.output.patch_count);
+        tessellate_patch(item, to_make[i]);
+        build.progress.fraction = double(++done) / double(to_make.size());
     });
     const double wall = wall_seconds() - begin;
-    take_report(build, procedural, wall);
+    if (!item.lazy) take_report(build.stats, procedural, wall);
     item.output.offsets = item.curves.layout().offsets; // the procedural may free its own
 }
 
@@ -471,13 +532,14 @@ void attach_curves(Build& build) {
         find_end_key_curves(build, item);
     }
     const bool spans = std::ranges::none_of(build.items, [&](const CurveBuild& item) {
-        return is_traced(item) && item.vertices.size() > 2 && item.curves.end_keys_only.empty();
+        return is_traced(item) && item.vertices.size() > 2 && !item.has_parts;
     });
     for (CurveBuild& item : build.items) {
-        for (const MarramPatch& p : item.patches)
-            build.stats.patch_bounds.emplace_back(Vec3f(p.lower), Vec3f(p.upper));
-        if (is_traced(item)) attach(build, item, uint32_t(build.world.curves.size()), spans);
+        for (const MarramPatch& patch : item.patches) build.stats.patch_bounds.push_back(padded_box(patch));
         build.curves.push_back(item.geometry);
+        const bool lazy = item.lazy;
+        if (is_traced(item)) attach(build, item, spans);
+        if (lazy) continue; // it is in the world already
         build.world.curves.push_back(std::move(item.curves));
     }
     build.stats.bvh += wall_seconds() - begin;

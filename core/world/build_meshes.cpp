@@ -254,7 +254,7 @@ void make_mesh(Build& build, Procedural& procedural, uint32_t id) {
         const std::vector<double> times = build.times(keys);
         const auto lent = build.lent.emplace_back(std::make_shared<LentGeometry>(build, procedural, times));
         if (procedural.prepares()) prepare(build, procedural, lent->frame());
-        take_warnings(build, procedural); // of the preparation, which is not repeated
+        take_warnings(build.stats, procedural); // of the preparation, which is not repeated
         build.progress.phase = "making meshes";
         const MarramOutput output = procedural.begin(lent->frame());
         if (output.time_count != 1 && output.time_count != times.size())
@@ -275,7 +275,7 @@ void make_mesh(Build& build, Procedural& procedural, uint32_t id) {
         if (build.chooses_keys() && left > build.settings.tolerance && 2 * keys - 1 <= max_motion_keys) {
             keys = 2 * keys - 1;
             build.lent.pop_back();
-            take_warnings(build, procedural); // of what the next pass does not repeat
+            take_warnings(build.stats, procedural); // of what the next pass does not repeat
             continue;
         }
         if (moves) {
@@ -287,7 +287,7 @@ void make_mesh(Build& build, Procedural& procedural, uint32_t id) {
         break;
     }
     build.stats.report.add(procedural.name(), procedural.report(), 0.0);
-    take_warnings(build, procedural);
+    take_warnings(build.stats, procedural);
 }
 
 void make_render_meshes(Build& build) {
@@ -297,7 +297,7 @@ void make_render_meshes(Build& build) {
         Procedural& procedural = *build.geometry.procedurals[i];
         if (procedural.kind() != MARRAM_MESH || !procedural.has_view()) continue;
         const MarramOutput output = procedural.begin_view(view);
-        take_warnings(build, procedural);
+        take_warnings(build.stats, procedural);
         if (output.triangle_count == 0) continue;
         if (output.time_count != 1)
             procedural.refuse("its render mesh moves: only a growth surface can", "fix the library");
@@ -355,21 +355,22 @@ RTCScene collider_scene(Build& build, const std::vector<uint32_t>& ids) {
     return scene.get();
 }
 
-PosedMesh pose_mesh(const Build& build, uint32_t id, double frame, bool with_normals) {
-    const MeshGeometry& placed = build.world.growth_surface(id);
-    if (id < build.geometry.meshes.size()) {
-        const SceneMesh& mesh = build.geometry.meshes[id];
-        return {mesh.positions_at(frame), with_normals ? mesh.normals_at(frame) : std::vector<Vec3f>{}};
+PosedMesh pose_mesh(const SceneGeometry& geometry, const MeshSource& mesh, double frame, bool with_normals) {
+    if (!mesh.maker) {
+        const SceneMesh& drawn = geometry.meshes[mesh.id];
+        return {drawn.positions_at(frame), with_normals ? drawn.normals_at(frame) : std::vector<Vec3f>{}};
     }
-    Procedural& procedural = *build.mesh_procedurals[id];
-    if (!procedural.has_pose())
-        return {placed.positions[0], with_normals ? placed.normals[0] : std::vector<Vec3f>{}};
-    PosedMesh posed{embree_buffer<Vec3f>(placed.positions[0].size()), {}};
-    procedural.pose(frame, components(posed.positions));
+    PosedMesh posed{embree_buffer<Vec3f>(mesh.positions.size()), {}};
+    if (!mesh.maker->has_pose()) {
+        std::ranges::copy(mesh.positions, posed.positions.begin());
+        if (with_normals) posed.normals.assign(mesh.normals.begin(), mesh.normals.end());
+        return posed;
+    }
+    mesh.maker->pose(frame, components(posed.positions));
     for (const Vec3f& p : posed.positions)
         if (!in_embree_range(p))
-            procedural.refuse("a vertex of its mesh is not a number below 1e18", "fix the library");
-    if (with_normals) posed.normals = vertex_normals(posed.positions, placed.triangles);
+            mesh.maker->refuse("a vertex of its mesh is not a number below 1e18", "fix the library");
+    if (with_normals) posed.normals = vertex_normals(posed.positions, mesh.triangles);
     return posed;
 }
 

@@ -9,6 +9,8 @@
 
 #include <algorithm>
 #include <map>
+#include <numeric>
+#include <span>
 
 namespace marram {
 
@@ -19,11 +21,25 @@ struct CurveBuild {
     Procedural* procedural = nullptr;
     MarramOutput output{};
     std::vector<MarramPatch> patches;
-    std::vector<uint32_t> attributes; // indices of the requested ones
-    CurveGeometry curves;
+    std::vector<uint32_t> attributes;     // indices of the requested ones
+    std::vector<float*> attribute_values; // [attributes] of all curves
+    CurveGeometry curves;                 // of lazy curves moved away when they are attached
     std::shared_ptr<RTCGeometryTy> geometry;
-    std::vector<float*> vertices, normals; // [time]
-    float widened = 1.0F;                  // factor of the radii (BuildSettings::widening)
+    std::vector<float*> vertices, normals;     // [time]
+    float widened = 1.0F;                      // factor of the radii (BuildSettings::widening)
+    bool has_parts = false;                    // curves of two keys are parts of their own (curve_parts.h)
+    bool lazy = false;                         // patches are made when a ray meets them (lazy_curves.h)
+    std::vector<uint32_t> looked_at;           // lazy: patches that are made all the same, to choose settings
+    std::shared_ptr<LentGeometry> lent;        // lazy: what the procedural reads while rays are traced
+    std::vector<std::shared_ptr<void>> memory; // lazy: owns vertices and normals
+
+    CurveLayout layout() const { return {output.curve_count, output.cvs_per_curve, output.offsets}; }
+    std::vector<uint32_t> known_patches() const {
+        if (lazy) return looked_at;
+        std::vector<uint32_t> all(patches.size());
+        std::iota(all.begin(), all.end(), 0U);
+        return all;
+    }
 };
 
 // State of a build: its inputs, and what has been built so far.
@@ -65,8 +81,8 @@ void commit(Build& build, RTCScene scene, const char* phase);
 void prepare(Build& build, Procedural& procedural, const MarramFrame& frame);
 
 // Moves a procedural's warnings to the build's statistics.
-inline void take_warnings(Build& build, Procedural& procedural) {
-    std::vector<std::string>& warnings = build.stats.warnings;
+inline void take_warnings(BuildStats& stats, Procedural& procedural) {
+    std::vector<std::string>& warnings = stats.warnings;
     for (std::string& warning : procedural.take_warnings()) // grooms that share a wind share its warnings
         if (std::ranges::find(warnings, warning) == warnings.end()) warnings.push_back(std::move(warning));
 }
@@ -87,11 +103,26 @@ RTCScene collider_scene(Build& build, const std::vector<uint32_t>& ids);
 struct PosedMesh {
     std::vector<Vec3f> positions, normals;
 };
+// A mesh of the world, by what lives as long as the world does.
+struct MeshSource {
+    uint32_t id = 0;
+    Procedural* maker = nullptr;               // nullptr: the scene
+    std::span<const Vec3f> positions, normals; // at the first key
+    std::span<const std::array<uint32_t, 3>> triangles;
+};
 // A mesh at any time. Throws the error of the procedural that makes it.
-PosedMesh pose_mesh(const Build& build, uint32_t id, double frame, bool with_normals);
+PosedMesh pose_mesh(const SceneGeometry& geometry, const MeshSource& mesh, double frame, bool with_normals);
 
 // ---- build_curves.cpp
 
+// Adds a procedural's report and warnings to the statistics. wall: seconds that its curves took.
+void take_report(BuildStats& stats, Procedural& procedural, double wall);
+// Makes a patch of curves, at its place among all.
+void tessellate_patch(const CurveBuild& item, uint32_t index);
+// The distance from linear motion up to which a curve is traced with its first and last key.
+inline double end_key_limit(const BuildSettings& settings) {
+    return settings.tolerance / strand_motion_margin;
+}
 // Number of motion keys for the curves of a procedural.
 uint32_t motion_keys_of_curves(Build& build, Procedural& procedural);
 // Lets one procedural make its curves.

@@ -37,44 +37,103 @@ double two_key_error(const CurveBuild& item, size_t first_vertex, size_t vertice
     return most;
 }
 
-// A part's primitives, and the first vertex of each.
-struct PartIndices {
-    std::shared_ptr<std::vector<uint32_t>> primitives = std::make_shared<std::vector<uint32_t>>();
-    std::vector<uint32_t> vertices;
-};
+} // namespace
 
-PartIndices indices_of(const CurveBuild& item, const TracedVertices& traced, bool end_keys_only) {
-    const CurveLayout layout = item.curves.layout();
+void attach_geometry(Build& build, RTCGeometry geometry, unsigned id) {
+    rtcSetGeometryMask(geometry, curve_mask);
+    rtcCommitGeometry(geometry);
+    rtcAttachGeometryByID(build.world.scene.get(), geometry, id);
+}
+
+double mark_end_key_curves(const CurveBuild& item, const MarramPatch& patch, double limit, const View& view,
+                           char* marks) {
+    const CurveLayout layout = item.layout();
+    double most = 0.0;
+    for (uint32_t i = 0; i < patch.curve_count; ++i) {
+        const uint64_t c = patch.first_curve + i;
+        const double error = two_key_error(item, layout.first_vertex(c), layout.cvs(c) + 2, limit, view);
+        marks[i] = error <= limit;
+        if (error <= limit) most = std::max(most, error);
+    }
+    return most;
+}
+
+void find_end_key_curves(Build& build, CurveBuild& item) {
+    const size_t keys = item.vertices.size();
+    if (!build.chooses_keys() || keys <= 2) return;
+    const double limit = end_key_limit(build.settings);
+    const std::vector<uint32_t> known = item.known_patches();
+    std::vector<uint64_t> first(known.size() + 1); // of each known patch, its first mark
+    for (size_t i = 0; i < known.size(); ++i) first[i + 1] = first[i] + item.patches[known[i]].curve_count;
+    std::vector<char> marks(first.back());
+    const double most = tbb::parallel_reduce(
+        tbb::blocked_range<size_t>(0, known.size()), 0.0,
+        [&](const auto& range, double found) {
+            for (size_t i = range.begin(); i < range.end(); ++i)
+                found = std::max(found, mark_end_key_curves(item, item.patches[known[i]], limit,
+                                                            build.settings.view, marks.data() + first[i]));
+            return found;
+        },
+        [](double a, double b) { return std::max(a, b); });
+    const uint64_t curves = marks.size(), more = curves - uint64_t(std::ranges::count(marks, 1));
+    build.stats.chosen[item.procedural->name() + ".more_than_two_keys"] = double(more) / double(curves);
+    if (8 * more > curves || 2 * more * (keys - 1) > curves) return;
+    build.stats.motion_error = std::max(build.stats.motion_error, most);
+    item.has_parts = true;
+    if (item.lazy) return;
+    build.stats.curve_bytes +=
+        item.layout().segment_count() * std::max(item.curves.pieces, 1U) * 4; // primitives
+    item.curves.end_keys_only = std::move(marks);
+}
+
+PartIndices part_indices(const CurveBuild& item, const TracedVertices& traced, uint64_t first_curve,
+                         std::span<const char> marks, char wanted) {
+    const CurveLayout layout = item.layout();
     const bool alike = traced.segments > 0;
     const auto segments_of = [&](uint64_t c) { return alike ? traced.segments : layout.cvs(c) - 1; };
-    const auto wanted = [&](uint64_t c) { return (item.curves.end_keys_only[c] != 0) == end_keys_only; };
+    const auto vertex_of = [&](uint64_t c) { return alike ? c * traced.stride : layout.first_vertex(c); };
     size_t count = 0;
-    for (uint64_t c = 0; c < layout.curve_count; ++c)
-        if (wanted(c)) count += segments_of(c);
+    for (size_t i = 0; i < marks.size(); ++i)
+        if (marks[i] == wanted) count += segments_of(first_curve + i);
     PartIndices indices;
-    indices.primitives->reserve(count);
+    indices.primitives.reserve(count);
     indices.vertices.reserve(count);
-    for (uint64_t c = 0; c < layout.curve_count; ++c) {
-        if (!wanted(c)) continue;
+    for (size_t i = 0; i < marks.size(); ++i) {
+        if (marks[i] != wanted) continue;
+        const uint64_t c = first_curve + i;
         const uint32_t segments = segments_of(c);
         const uint64_t primitive = alike ? c * segments : layout.first_segment(c),
-                       vertex = alike ? c * traced.stride : layout.first_vertex(c);
+                       vertex = vertex_of(c) - vertex_of(first_curve);
         for (uint32_t k = 0; k < segments; ++k) {
-            indices.primitives->push_back(uint32_t(primitive + k));
+            indices.primitives.push_back(uint32_t(primitive + k));
             indices.vertices.push_back(uint32_t(vertex + k));
         }
     }
     return indices;
 }
 
-// Attaches a part with some of the keys, in which it is visible.
-void attach_part(Build& build, const TracedVertices& traced, const PartIndices& indices,
-                 const std::vector<size_t>& keys, CurvePart part) {
-    RTCGeometry geometry = rtcNewGeometry(build.world.device.get(), traced.type);
-    const std::shared_ptr<RTCGeometryTy> owner(geometry, [](RTCGeometry g) { rtcReleaseGeometry(g); });
+std::vector<std::vector<size_t>> part_keys(size_t keys, bool end_keys_only, bool spans) {
+    std::vector<std::vector<size_t>> of_parts;
+    if (end_keys_only) {
+        of_parts.push_back({0, keys - 1});
+    } else if (spans) {
+        for (size_t key = 0; key + 1 < keys; ++key) of_parts.push_back({key, key + 1});
+    } else {
+        std::vector<size_t> all(keys);
+        std::iota(all.begin(), all.end(), size_t{0});
+        of_parts.push_back(std::move(all));
+    }
+    return of_parts;
+}
+
+std::shared_ptr<RTCGeometryTy> part_geometry(RTCDevice device, const TracedVertices& traced,
+                                             std::span<const uint32_t> vertices,
+                                             const std::vector<size_t>& keys) {
+    RTCGeometry geometry = rtcNewGeometry(device, traced.type);
+    std::shared_ptr<RTCGeometryTy> owner(geometry, [](RTCGeometry g) { rtcReleaseGeometry(g); });
     rtcSetGeometryTimeStepCount(geometry, unsigned(keys.size()));
     const auto last = float(traced.vertices.size() - 1);
-    rtcSetGeometryTimeRange(geometry, float(keys.front()) / last, float(keys.back()) / last);
+    if (last > 0.0F) rtcSetGeometryTimeRange(geometry, float(keys.front()) / last, float(keys.back()) / last);
     for (unsigned t = 0; t < keys.size(); ++t) {
         rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, t, RTC_FORMAT_FLOAT4,
                                    traced.vertices[keys[t]], 0, 16, traced.vertex_count);
@@ -82,71 +141,27 @@ void attach_part(Build& build, const TracedVertices& traced, const PartIndices& 
             rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_NORMAL, t, RTC_FORMAT_FLOAT3,
                                        traced.normals[keys[t]], 0, 12, traced.vertex_count);
     }
-    const size_t count = indices.vertices.size();
     auto* buffer = static_cast<uint32_t*>(
-        rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT, 4, count));
-    build.check_device();
-    std::ranges::copy(indices.vertices, buffer);
-    build.stats.curve_bytes += count * 4;
-    part.primitives = indices.primitives;
-    part.owner = traced.geometry;
-    const size_t id = build.world.meshes.size() + build.items.size() + build.world.curve_parts.size();
-    attach_geometry(build, geometry, unsigned(id));
-    build.world.curve_parts.push_back(std::move(part));
-}
-
-} // namespace
-
-void attach_geometry(Build& build, RTCGeometry geometry, unsigned id) {
-    rtcSetGeometryMask(geometry, MARRAM_CASTS_SHADOWS | MARRAM_SEEN_BY_CAMERA | darkens_catchers);
-    rtcCommitGeometry(geometry);
-    rtcAttachGeometryByID(build.world.scene.get(), geometry, id);
-}
-
-void find_end_key_curves(Build& build, CurveBuild& item) {
-    const size_t keys = item.vertices.size();
-    if (!build.chooses_keys() || keys <= 2) return;
-    const CurveLayout layout = item.curves.layout();
-    const double limit = build.settings.tolerance / strand_motion_margin;
-    std::vector<char> end_keys_only(layout.curve_count);
-    const double most = tbb::parallel_reduce(
-        tbb::blocked_range<size_t>(0, item.patches.size()), 0.0,
-        [&](const auto& patches, double found) {
-            for (size_t i = patches.begin(); i < patches.end(); ++i) {
-                const MarramPatch& patch = item.patches[i];
-                for (uint64_t c = patch.first_curve; c < patch.first_curve + patch.curve_count; ++c) {
-                    const double error = two_key_error(item, layout.first_vertex(c), layout.cvs(c) + 2, limit,
-                                                       build.settings.view);
-                    end_keys_only[c] = error <= limit;
-                    if (error <= limit) found = std::max(found, error);
-                }
-            }
-            return found;
-        },
-        [](double a, double b) { return std::max(a, b); });
-    const uint64_t curves = end_keys_only.size(),
-                   more = curves - uint64_t(std::ranges::count(end_keys_only, 1));
-    build.stats.chosen[item.procedural->name() + ".more_than_two_keys"] = double(more) / double(curves);
-    if (8 * more > curves || 2 * more * (keys - 1) > curves) return;
-    build.stats.motion_error = std::max(build.stats.motion_error, most);
-    build.stats.curve_bytes += layout.segment_count() * std::max(item.curves.pieces, 1U) * 4; // primitives
-    item.curves.end_keys_only = std::move(end_keys_only);
+        rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT, 4, vertices.size()));
+    if (buffer) std::ranges::copy(vertices, buffer); // else the device has an error
+    return owner;
 }
 
 void attach_parts(Build& build, const CurveBuild& item, const TracedVertices& traced, uint32_t set,
                   bool spans) {
-    const size_t last = traced.vertices.size() - 1;
-    attach_part(build, traced, indices_of(item, traced, true), {0, last},
-                {.curves = set, .end_keys_only = true});
-    const PartIndices indices = indices_of(item, traced, false);
-    if (indices.vertices.empty()) return;
-    if (spans) {
-        for (size_t key = 0; key < last; ++key)
-            attach_part(build, traced, indices, {key, key + 1}, {.curves = set});
-    } else {
-        std::vector<size_t> keys(last + 1);
-        std::iota(keys.begin(), keys.end(), size_t{0});
-        attach_part(build, traced, indices, keys, {.curves = set});
+    World& world = build.world;
+    for (const char end_keys_only : {char(1), char(0)}) {
+        PartIndices indices = part_indices(item, traced, 0, item.curves.end_keys_only, end_keys_only);
+        if (indices.vertices.empty()) continue;
+        const auto primitives = std::make_shared<const std::vector<uint32_t>>(std::move(indices.primitives));
+        for (const std::vector<size_t>& keys : part_keys(traced.vertices.size(), end_keys_only != 0, spans)) {
+            const auto geometry = part_geometry(world.device.get(), traced, indices.vertices, keys);
+            build.check_device();
+            build.stats.curve_bytes += indices.vertices.size() * 4;
+            const size_t id = world.meshes.size() + build.items.size() + world.curve_parts.size();
+            attach_geometry(build, geometry.get(), unsigned(id));
+            world.curve_parts.push_back({set, primitives, end_keys_only != 0, traced.geometry});
+        }
     }
 }
 

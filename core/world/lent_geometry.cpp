@@ -43,7 +43,7 @@ MarramFrame plain_frame(const Build& build, const std::vector<double>& times) {
 } // namespace
 
 LentGeometry::LentGeometry(Build& build, Procedural& to, std::vector<double> times)
-    : build_(build), to_(to), times_(std::move(times)) {
+    : geometry_(build.geometry), to_(to), times_(std::move(times)) {
     std::vector<uint32_t> ids;
     for (uint32_t id = 0; id < build.world.meshes.size(); ++id) {
         const MeshGeometry& mesh = build.world.meshes[id];
@@ -54,8 +54,8 @@ LentGeometry::LentGeometry(Build& build, Procedural& to, std::vector<double> tim
         if (!mesh.positions.empty() && depends_on_mesh(to, name, mesh.roles)) ids.push_back(id);
     }
     lists_.reserve(ids.size() + to.curves().size()); // no reallocation: elements are pointed to
-    for (const uint32_t id : ids) lend_mesh(id);
-    for (const GeometryName& name : to.curves()) lend_curves(name.name);
+    for (const uint32_t id : ids) lend_mesh(build, id);
+    for (const GeometryName& name : to.curves()) lend_curves(build, name.name);
     frame_ = plain_frame(build, times_);
     // What others read is made whole.
     const auto reads_it = [&](const auto& other) { return other->names(to.name()); };
@@ -73,8 +73,8 @@ LentGeometry::LentGeometry(Build& build, Procedural& to, std::vector<double> tim
     frame_.instance_transform = instance_transform;
 }
 
-void LentGeometry::lend_mesh(uint32_t id) {
-    const MeshGeometry& mesh = build_.world.meshes[id];
+void LentGeometry::lend_mesh(Build& build, uint32_t id) {
+    const MeshGeometry& mesh = build.world.meshes[id];
     Lists& list = lists_.emplace_back();
     const auto add = [&](std::vector<Vec3f> vectors, std::vector<const float*>& to) {
         // The floats do not move when posed_ grows.
@@ -85,7 +85,11 @@ void LentGeometry::lend_mesh(uint32_t id) {
         for (const auto& normals : mesh.normals) list.normals.push_back(components(normals));
     } else {
         for (const double time : times_) {
-            PosedMesh posed = pose_mesh(build_, id, time, !mesh.normals.empty());
+            const std::span<const Vec3f> normals =
+                mesh.normals.empty() ? std::span<const Vec3f>{} : mesh.normals[0];
+            PosedMesh posed = pose_mesh(
+                geometry_, {id, build.mesh_procedurals[id], mesh.positions[0], normals, mesh.triangles}, time,
+                !mesh.normals.empty());
             add(std::move(posed.positions), list.positions);
             if (!mesh.normals.empty()) add(std::move(posed.normals), list.normals);
         }
@@ -114,8 +118,8 @@ void LentGeometry::lend_mesh(uint32_t id) {
     lent.grid_count = uint32_t(list.grids.size());
     lent.grid_stride = sizeof(MarramGrid);
     lent.topology = mesh.topology;
-    const std::vector<SceneMesh>& drawn = build_.geometry.meshes;
-    const bool moves = id < drawn.size() ? drawn[id].moves() : build_.mesh_procedurals[id]->has_pose();
+    const std::vector<SceneMesh>& drawn = geometry_.meshes;
+    const bool moves = id < drawn.size() ? drawn[id].moves() : build.mesh_procedurals[id]->has_pose();
     lent.moves = lent.time_count > 1 || moves ? 1 : 0;
     if (id < drawn.size() && drawn[id].instance_of) {
         const auto object = uint32_t(drawn[id].instance_of - drawn.data());
@@ -123,12 +127,13 @@ void LentGeometry::lend_mesh(uint32_t id) {
         lent.instance_of = uint32_t(same - meshes_.begin()) + 1;
     }
     meshes_.push_back(lent);
+    makers_.push_back(build.mesh_procedurals[id]);
 }
 
-void LentGeometry::lend_curves(const std::string& name) {
+void LentGeometry::lend_curves(const Build& build, const std::string& name) {
     MarramCurves lent{};
     Lists& list = lists_.emplace_back();
-    const auto& drawn = build_.geometry.curves;
+    const auto& drawn = geometry_.curves;
     if (const auto found = std::ranges::find(drawn, name, &SceneCurves::name); found != drawn.end()) {
         lent.name = found->name.c_str();
         lent.curve_count = found->closed.size();
@@ -147,8 +152,8 @@ void LentGeometry::lend_curves(const std::string& name) {
         }
     } else {
         const auto made = std::ranges::find_if(
-            build_.items, [&](const CurveBuild& item) { return item.curves.name == name; });
-        if (made == build_.items.end()) return; // no curves made: the procedural that names them reports that
+            build.items, [&](const CurveBuild& item) { return item.curves.name == name; });
+        if (made == build.items.end()) return; // no curves made: the procedural that names them reports that
         const CurveGeometry& curves = made->curves;
         lent.name = made->procedural->name().c_str();
         lent.curve_count = curves.curve_count;
@@ -183,12 +188,25 @@ void LentGeometry::lend_curves(const std::string& name) {
     curves_.push_back(lent);
 }
 
+PosedMesh LentGeometry::posed(uint32_t index, double frame, bool with_normals) const {
+    const MarramMesh& mesh = meshes_[index];
+    const auto vectors = [&](const float* floats) {
+        return std::span(reinterpret_cast<const Vec3f*>(floats), mesh.vertex_count);
+    };
+    const std::span<const std::array<uint32_t, 3>> triangles(
+        reinterpret_cast<const std::array<uint32_t, 3>*>(mesh.triangles), mesh.triangle_count);
+    return pose_mesh(geometry_,
+                     {mesh.geometry_id, makers_[index], vectors(mesh.positions[0]),
+                      mesh.normals ? vectors(mesh.normals[0]) : std::span<const Vec3f>{}, triangles},
+                     frame, with_normals);
+}
+
 MarramStatus LentGeometry::pose(void* user, uint32_t index, double frame, float* positions, float* normals) {
     LentGeometry& lent = *static_cast<LentGeometry*>(user);
     if (index >= lent.meshes_.size() || !std::isfinite(frame)) return MARRAM_ERROR;
     const MarramMesh& mesh = lent.meshes_[index];
     try {
-        const PosedMesh posed = pose_mesh(lent.build_, mesh.geometry_id, frame, normals && mesh.normals);
+        const PosedMesh posed = lent.posed(index, frame, normals && mesh.normals);
         copy(posed.positions, positions);
         if (normals && mesh.normals) copy(posed.normals, normals);
         return MARRAM_OK;
@@ -204,7 +222,7 @@ MarramStatus LentGeometry::instance_transform(void* user, uint32_t index, double
     const LentGeometry& lent = *static_cast<LentGeometry*>(user);
     if (index >= lent.meshes_.size() || lent.meshes_[index].instance_of == 0 || !std::isfinite(frame))
         return MARRAM_ERROR;
-    const SceneMesh& mesh = lent.build_.geometry.meshes[lent.meshes_[index].geometry_id];
+    const SceneMesh& mesh = lent.geometry_.meshes[lent.meshes_[index].geometry_id];
     Eigen::Map<Eigen::Matrix<double, 3, 4, Eigen::RowMajor>>(matrix, 3, 4) =
         mesh.transform.at(frame).matrix().topRows<3>();
     return MARRAM_OK;
@@ -217,7 +235,7 @@ MarramStatus LentGeometry::pose_curves(void* user, uint32_t index, double frame,
     const MarramCurves& curves = lent.curves_[index];
     if (first > curves.curve_count || count > curves.curve_count - first) return MARRAM_ERROR;
     try {
-        const auto& drawn = lent.build_.geometry.curves;
+        const auto& drawn = lent.geometry_.curves;
         if (const auto found = std::ranges::find(drawn, std::string_view(curves.name), &SceneCurves::name);
             found != drawn.end()) {
             found->vertices_at(frame, first, count, vertices);

@@ -25,20 +25,22 @@ class LentGeometry {
         std::vector<MarramGrid> grids;
     };
 
-    void lend_mesh(uint32_t id);
-    void lend_curves(const std::string& name);
+    void lend_mesh(Build& build, uint32_t id);
+    void lend_curves(const Build& build, const std::string& name);
+    PosedMesh posed(uint32_t index, double frame, bool with_normals) const;
     static MarramStatus pose(void* user, uint32_t index, double frame, float* positions, float* normals);
     static MarramStatus instance_transform(void* user, uint32_t index, double frame, double* matrix);
     static MarramStatus pose_curves(void* user, uint32_t index, double frame, uint64_t first, uint64_t count,
                                     float* vertices);
 
-    Build& build_;
+    const SceneGeometry& geometry_;
     Procedural& to_;
     std::vector<double> times_;
     std::vector<Lists> lists_;
     std::vector<std::vector<Vec3f>> posed_; // data of lists_ that is not in the world
     std::deque<std::vector<float>> blended_;
     std::vector<MarramMesh> meshes_;
+    std::vector<Procedural*> makers_; // [meshes_] of those that procedurals have made, else nullptr
     std::vector<MarramCurves> curves_;
     MarramFrame frame_{};
 };

@@ -23,7 +23,7 @@ struct MarramInstance {
 
 #define CURVE_FAULTS                                                                                         \
     "none|silent-create|silent-begin|silent-tessellate|nan|infinite|one-cv|shape|times|too-many|too-few|"    \
-    "gap|mesh|"                                                                                              \
+    "gap|mesh|lies|"                                                                                              \
     "deaf|stuck"
 #define MESH_FAULTS "none|silent-mesh|nan|index|curves|empty"
 
@@ -68,7 +68,7 @@ static MarramStatus patch(MarramInstance* instance, uint32_t index, MarramPatch*
     out->curve_count = curves_a_patch;
     for (int axis = 0; axis < 3; ++axis) {
         out->lower[axis] = -1e4F;
-        out->upper[axis] = 1e4F;
+        out->upper[axis] = is(instance, "lies") ? 2.0F : 1e4F; /* its curves are up to 12 m away */
     }
     return MARRAM_OK;
 }

@@ -25,6 +25,45 @@ TEST(Render, GivesTheSamePictureEveryTime) {
     EXPECT_FALSE(same_picture(folder / "a.exr", folder / "r.0006.exr"));
 }
 
+// The whole chain, on a mesh that moves and another in the way; strands that are made while rays are traced.
+TEST(Render, GivesTheSamePictureOfLazyStrands) {
+    const Folder folder;
+    const std::string scene = folder.write(
+        "a.toml",
+        SceneText{.film = "size = [48, 32]\nsamples = 17\nmax_depth = 4\ncurve_pieces = 0\naovs = [\"id\", "
+                          "\"depth\"]\n",
+                  .wind = "speed = 6\njiggle = { frequency = 3 }\ngusts = { num_gusts = 20 }\n",
+                  .groom = "count = 6000\ncvs = 8\nlength = [0.3, 0.5]\nwidth = 0.01\n",
+                  .more = "[[mesh]]\nname = \"stone\"\ntype = \"sphere\"\nradius = 0.3\ntransform = { keys = "
+                          "[{ frame = 1, "
+                          "translate = [-0.5, 0.2, 0] }, { frame = 9, translate = [0.5, 0.2, 0] }] }\n"});
+    const std::vector<std::string> plain = {"render", scene, "--set", "camera.shutter=[-0.25, 0.25]",
+                                            "--quiet"};
+    const auto render = [&](const std::string& name, const std::vector<std::string>& more) {
+        std::vector<std::string> all = plain;
+        all.insert(all.end(), {"-o", folder / name});
+        all.insert(all.end(), more.begin(), more.end());
+        EXPECT_DONE(marram(all));
+    };
+    const std::string lazy = "film.geometry=lazy";
+    render("e.####.exr", {"--frames", "6-7", "--stats", folder / "e.####.json"});
+    render("l.####.exr", {"--frames", "6-7", "--set", lazy, "--stats", folder / "l.####.json"});
+    render("one.exr", {"--frame", "7", "--set", lazy, "--threads", "1"});
+    render("part.exr", {"--frame", "7", "--set", lazy, "--crop", "0,16,48,32"});
+    render("part.exr", {"--frame", "7", "--set", lazy, "--crop", "0,0,48,16"});
+    EXPECT_DONE(marram({"merge", "-o", folder / "merged.exr", folder / "part.exr.crop_0_0_48_16.state.tif",
+                        folder / "part.exr.crop_0_16_48_32.state.tif"}));
+    EXPECT_TRUE(same_picture(folder / "e.0006.exr", folder / "l.0006.exr"));
+    for (const char* other : {"l.0007.exr", "one.exr", "merged.exr"})
+        EXPECT_TRUE(same_picture(folder / "e.0007.exr", folder / other)) << other;
+    const auto eager_stats = nlohmann::json::parse(read_file(folder / "e.0007.json")),
+               lazy_stats = nlohmann::json::parse(read_file(folder / "l.0007.json"));
+    EXPECT_FALSE(eager_stats.contains("lazy"));
+    EXPECT_GE(int(lazy_stats["lazy"]["patches"]), 12);
+    EXPECT_LE(int(lazy_stats["lazy"]["built"]), int(lazy_stats["lazy"]["patches"]));
+    EXPECT_GT(int(lazy_stats["lazy"]["built"]), 0);
+}
+
 TEST(Render, ShowsTheWindAndTheShutter) {
     const Folder folder;
     const std::string scene = folder.write("a.toml", SceneText{});

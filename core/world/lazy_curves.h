@@ -1,0 +1,141 @@
+// SPDX-License-Identifier: Apache-2.0
+// Lazy curves: a patch is its box until a ray enters it. Then it is tessellated, and its BVH built, once, by
+// whoever comes first; others wait. So what no ray meets is never made. (Bounded lazy procedurals: Cook, Carpenter,
+// Catmull, "The Reyes Image Rendering Architecture", 1987, section 3; Embree's tutorial lazy_geometry.)
+//
+// Embree's scene has a user geometry whose primitives are the boxes. The callback of a box traces the ray in the
+// scene of the patch, whose geometries share their vertices with CurveGeometry: these lie in reserved memory, at
+// the same indices as eager ones, so a hit stands for the same primitive and is shaded by the same code.
+//
+// Curves have the bits of eager ones, since tessellate() is idempotent, and a ray has the same hits. What depends
+// on all curves of a procedural (the number of straight pieces; whether those that two keys follow are parts of
+// their own, curve_parts.h) is chosen from at most 64 patches: those nearest to the camera, and some of all others.
+// A picture has the same bits where these choices are the same, as they are if the film sets curve_pieces and
+// motion_keys; but a ray through the disc that two straight pieces of a ribbon share (one of 30,000) may hit
+// either.
+//
+// Boxes of patches overlap, and a ray is traced in each: half as fast as in one BVH. So after a pass, patches that were
+// built are merged into the world's own scene, once they are an eighth of those that are there.
+//
+// Traps: a thread that waits for a patch must not hold one; a thread that builds one must not take up another task
+// of the renderer, which could meet the same patch (tbb::this_task_arena::isolate). An error cannot leave the
+// callback: raise_failure() throws it, and the samples that were traced since are worth nothing. A cancelled
+// frame keeps its samples, so patches are built to their end all the same.
+//
+// Costs a call and a second traversal for each box that a ray enters. Declared boxes are loose, as nobody knows
+// yet how strands lie; so a patch that is built has the box of its contents tested first.
+#pragma once
+
+#include "core/world/build_state.h"
+#include "core/world/curve_parts.h"
+
+#include <atomic>
+#include <exception>
+#include <memory>
+#include <mutex>
+#include <vector>
+
+namespace marram {
+
+class LazyWorld;
+
+// The curves of one procedural. Its own address is the user data of Embree's geometry.
+class LazyCurves {
+  public:
+    // item: with its patches' boxes; those it has looked at are made already. traced: all of it in reserved
+    // memory. set: index in World::curves, where they are already. end_key_id: geometry ID of those traced with
+    // two keys.
+    LazyCurves(const Build& build, LazyWorld& world, CurveBuild item, TracedVertices traced, uint32_t set,
+               uint32_t end_key_id, bool spans);
+    ~LazyCurves();
+    LazyCurves(const LazyCurves&) = delete;
+    LazyCurves& operator=(const LazyCurves&) = delete;
+
+    // Attaches the boxes to the world scene.
+    void attach(Build& build);
+
+    // No ray may be traced meanwhile.
+    bool should_merge() const;
+    void merge(RTCScene scene); // then commit it
+    void end_merge();           // after that
+    double merged_reach() const { return merged_reach_; }
+
+    // Adds what procedurals report, and the bytes of patches that were built.
+    void add_to(BuildStats& stats) const;
+
+  private:
+    enum State : uint32_t { absent, made, building, built, merged, failed };
+    struct Patch {
+        std::atomic<uint32_t> state{absent};
+        RTCScene scene = nullptr;
+        std::vector<std::unique_ptr<LazyPart>> parts{};
+        double reach = 0.0; // as World::reach
+        Box3f box;          // of what is traced, at every motion key: smaller than the one declared before
+    };
+
+    // The patch, built; nullptr if the ray misses what is in it, or building has failed.
+    const Patch* patch_for_ray(uint32_t index, const RTCRay& ray);
+    void build(uint32_t index, bool is_made);
+    TracedVertices traced_of(uint32_t index) const;
+    uint64_t first_vertex(uint64_t curve) const; // of what is traced
+    template <typename Visit>
+    void for_vertices_of(const MarramPatch& patch, Visit&& visit); // visit(radius), of what is traced
+    static void bounds(const RTCBoundsFunctionArguments* args);
+    static void intersect(const RTCIntersectFunctionNArguments* args);
+    static void occluded(const RTCOccludedFunctionNArguments* args);
+
+    CurveBuild item_;
+    TracedVertices traced_;
+    uint32_t set_, curve_id_, end_key_id_, pieces_;
+    bool spans_;
+    double end_key_limit_;
+    View view_;
+    std::shared_ptr<RTCDeviceTy> device_;
+    std::shared_ptr<DeviceErrors> errors_;
+    LazyWorld& world_;
+    std::unique_ptr<Patch[]> patches_;
+    std::vector<uint32_t> boxes_; // [primitive of the boxes' geometry] its patch
+    RTCGeometry box_geometry_ = nullptr;
+    // Of merged patches, as World::curve_parts knows them: primitives of curves with all keys, and with two.
+    std::shared_ptr<std::vector<uint32_t>> merged_[2] = {std::make_shared<std::vector<uint32_t>>(),
+                                                         std::make_shared<std::vector<uint32_t>>()};
+    unsigned merged_id_ = 0; // the first
+    std::vector<unsigned> attached_;
+    uint64_t merged_patches_ = 0;
+    double merged_reach_ = 0.0;
+    std::atomic<uint64_t> built_{0}, bytes_{0}, nanoseconds_{0}; // thread time of building
+};
+
+// All lazy curves of a world, and what their procedurals read.
+class LazyWorld : public LazyGeometry {
+  public:
+    LazyWorld(std::shared_ptr<RTCSceneTy> scene, std::shared_ptr<DeviceErrors> errors)
+        : scene_(std::move(scene)), errors_(std::move(errors)) {}
+    ~LazyWorld() override;
+    void raise_failure() override;
+    void end_pass() override;
+    void fail(std::exception_ptr exception);
+
+    std::vector<std::shared_ptr<LentGeometry>> lent; // to mesh procedurals, which pose their meshes meanwhile
+    std::vector<Procedural*> procedurals;            // that run to their end although the frame is cancelled
+    std::vector<std::unique_ptr<LazyCurves>> curves;
+    double merging = 0.0; // seconds
+
+  private:
+    std::shared_ptr<RTCSceneTy> scene_;
+    std::shared_ptr<DeviceErrors> errors_;
+    std::mutex lock_;
+    std::exception_ptr thrown_; // the first
+};
+
+// Whether the curves of a procedural can be lazy: nobody else reads them, and there are several patches.
+bool can_be_lazy(const Build& build, const Procedural& procedural, const MarramOutput& output);
+
+// The patches that are made before, to choose settings from: up to 64, by the distance of their boxes from the
+// camera, and evenly spaced.
+std::vector<uint32_t> patches_to_look_at(const CurveBuild& item, const View& view);
+
+// After rays were traced: what procedurals report of lazy curves, how many patches were built.
+void add_lazy_stats(const World& world, BuildStats& stats);
+
+} // namespace marram

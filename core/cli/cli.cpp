@@ -201,7 +201,7 @@ void add_render(CLI::App& app, Commands& c) {
                    "render one frame, and again whenever the scene or a file that it names has been saved, "
                    "until Ctrl-C; mistakes are printed, and the picture stays")
         ->excludes(resume)
-        ->excludes("--samples", "--crop", "--keep-state");
+        ->excludes("--samples", "--samples-per-task", "--crop", "--keep-state", "--list");
     add_checkpoint(*command, c.render.checkpoint)->check(number_between(1e-3, 1e9));
     add_claim(*command, c.render)->check(number_between(1.0, 86400.0));
     command->callback([&c, command, frame] {

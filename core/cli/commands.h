@@ -49,8 +49,10 @@ struct RenderOptions : CommonOptions {
     double seconds = 0.0;                  // time limit for tracing a frame; 0: none
     bool keep_state = false;
     PartRequest part;
-    std::string after;       // FrameOptions::after
-    double checkpoint = 0.0; // largest age of the saved state, seconds; 0: none is saved
+    uint32_t samples_per_task = 0; // a frame in parts of so many; 0: whole, or `part`
+    bool list = false;             // render nothing, print what is there
+    std::string after;             // FrameOptions::after
+    double checkpoint = 0.0;       // largest age of the saved state, seconds; 0: none is saved
 };
 
 struct BakeOptions : CommonOptions, BakeSettings {

@@ -3,8 +3,10 @@
 
 #include "core/cli/interrupt.h"
 #include "core/cli/output.h"
+#include "core/math/frame_name.h"
 
 #include <fmt/ranges.h>
+#include <nlohmann/json.hpp>
 
 #include <algorithm>
 #include <chrono>
@@ -103,6 +105,24 @@ const FrameFiles* FramesToRender::next() {
         if (!current_) continue;
         waits_ = false;
         return current_;
+    }
+}
+
+void print_list(const std::vector<FrameFiles>& frames) {
+    for (auto files = frames.begin(); files != frames.end();) {
+        const bool there = is_picture_rendered(*files);
+        nlohmann::ordered_json frame = {
+            {"frame", numbered("#", files->frame)}, {"picture", files->picture}, {"there", there}};
+        const double number = files->frame;
+        for (; files != frames.end() && files->frame == number; ++files) {
+            if (interrupted()) throw Cancelled{};
+            if (!files->is_part) continue;
+            frame["parts"].push_back(
+                {{"samples", fmt::format("{}-{}", files->part.first_sample, files->part.end_sample - 1)},
+                 {"state", files->state},
+                 {"there", there || is_rendered(*files)}});
+        }
+        print_result("{}\n", frame.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace));
     }
 }
 

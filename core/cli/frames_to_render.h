@@ -49,4 +49,8 @@ class FramesToRender {
     bool is_saved_ = false, waits_ = false;
 };
 
+// Prints which frames, and parts of them, are there: a JSON object a frame. Parts of one follow each other.
+// Throws Cancelled if interrupted.
+void print_list(const std::vector<FrameFiles>& frames);
+
 } // namespace marram

@@ -34,13 +34,16 @@ namespace marram {
 namespace {
 
 // Checks before rendering that every file can be written and is not also read, or written as another file.
-// Preview and statistics files may be shared by several frames.
+// Preview and statistics files may be shared by several frames. --list writes none.
 void check_outputs(const Shot& shot, const std::vector<FrameFiles>& frames, const RenderOptions& options) {
     load_image_library();
     std::vector<std::string> read = files_read(shot, options.scene);
     for (const FrameFiles& frame : frames)
         if (!options.after.empty()) read.push_back(numbered(options.after, frame.frame));
     RunFiles files(read);
+    const auto check_file = [&](const std::string& name) {
+        if (!options.list) check_writable(name);
+    };
     std::set<std::string> previews, stats;
     for (const FrameFiles& frame : frames) {
         const std::string partial = partial_name(frame.picture);
@@ -50,20 +53,20 @@ void check_outputs(const Shot& shot, const std::vector<FrameFiles>& frames, cons
             check_name_length(name);
             files.write(name);
         }
-        check_writable(frame.is_part ? frame.state : frame.picture);
+        check_file(output_of(frame));
         for (const LayerPicture& layer : frame.layers) {
             files.write(layer.file);
-            check_writable(layer.file);
+            check_file(layer.file);
         }
         if (!frame.is_part) check_partial_name(partial);
-        check_state_overwrite(frame.state);
+        if (!options.list) check_state_overwrite(frame.state);
         previews.insert(frame.preview);
         stats.insert(numbered(options.stats, frame.frame));
     }
     for (const auto* names : {&previews, &stats})
         for (const std::string& name : *names) {
             files.write(name);
-            if (!name.empty()) check_writable(name);
+            if (!name.empty()) check_file(name);
         }
 }
 
@@ -216,6 +219,22 @@ struct Plan {
     std::vector<FrameFiles> frames;
 };
 
+// Those of each frame.
+std::vector<PartRequest> parts_of(const Shot& shot, const RenderOptions& options, size_t frames) {
+    if (options.samples_per_task == 0) return {options.part};
+    const Place place{fmt::format("--samples-per-task {}", options.samples_per_task)};
+    if (shot.description.film.number("noise") > 0.0)
+        throw InputError(place, "film.noise takes as many samples as each pixel needs",
+                         "leave it out, or add --set film.noise=0");
+    std::vector<PartRequest> parts = split_samples(
+        options.part, uint32_t(shot.description.film.integer("samples")), options.samples_per_task);
+    constexpr size_t max_parts = 1'000'000;
+    if (parts.size() > max_parts / std::max<size_t>(frames, 1))
+        throw InputError(place, fmt::format("these are more than {} parts", max_parts),
+                         "give more samples a task, or fewer frames");
+    return parts;
+}
+
 Plan plan_of(const Shot& shot, const RenderOptions& options) {
     const Vec2d range = shot.description.globals.vec2("frames");
     std::vector<double> frames = frames_to_make(options.frames, range, options.output);
@@ -230,14 +249,15 @@ Plan plan_of(const Shot& shot, const RenderOptions& options) {
                .seconds = options.seconds,
                .resume = options.resume,
                .keep_state = options.keep_state,
-               .part = options.part,
                .after = options.after},
               {}};
     const uint64_t digest = shot_digest(shot, plan.options, options.overrides.settings);
+    const std::vector<PartRequest> parts = parts_of(shot, options, frames.size());
     for (const double frame : frames)
-        plan.frames.push_back(frame_files(frame, shot, digest, options.output, options.preview,
-                                          options.pictures, options.part));
-    check_part(shot, plan.options, plan.frames);
+        for (const PartRequest& part : parts)
+            plan.frames.push_back(
+                frame_files(frame, shot, digest, options.output, options.preview, options.pictures, part));
+    check_parts(shot, plan.options, plan.frames);
     check_outputs(shot, plan.frames, options);
     return plan;
 }
@@ -308,6 +328,11 @@ int render_command(const RenderOptions& options) {
     const int threads = threads_of(options);
     const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, size_t(threads));
     if (options.watch) return watch_scene(options, threads);
+    if (options.list) { // no progress: what is on stdout is the list
+        const Shot shot = open_shot(options);
+        print_list(plan_of(shot, options).frames);
+        return exit_done;
+    }
     RunProgress run(options.quiet);
     const double begin = wall_seconds();
     Shot shot = open_shot(options);

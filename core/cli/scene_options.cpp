@@ -52,6 +52,17 @@ void add_parts(CLI::App& command, RenderOptions& options) {
             "`marram merge`")
         ->type_name("X0,Y0,X1,Y1")
         ->excludes("--seconds", "--png");
+    command
+        .add_option("--samples-per-task", options.samples_per_task,
+                    "all samples in such parts, of so many: `--claim` shares the parts of a frame, "
+                    "scenes/farm makes a task of each")
+        ->type_name("N")
+        ->check(CLI::Range(1, 65536))
+        ->excludes("--samples", "--seconds", "--png");
+    command.add_flag("--list", options.list,
+                     "render nothing, and print what is there, a JSON object a frame: frame, picture, there "
+                     "(finished, of this scene and these settings); with parts also those, with samples, "
+                     "state, there");
     const auto after = [&options](const std::string& file) {
         if (file.empty())
             throw InputError({"--after"}, "the file has no name", "give a state, or leave --after out");

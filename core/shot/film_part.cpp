@@ -115,6 +115,18 @@ FilmPart part_of(const PartRequest& request, uint32_t width, uint32_t height, ui
     return part;
 }
 
+std::vector<PartRequest> split_samples(const PartRequest& request, uint32_t samples,
+                                       uint32_t samples_per_part) {
+    std::vector<PartRequest> parts;
+    for (uint32_t first = 0; first < samples; first += samples_per_part) {
+        PartRequest& one = parts.emplace_back(request);
+        one.limits_samples = true;
+        one.part.first_sample = first;
+        one.part.end_sample = first + std::min(samples_per_part, samples - first);
+    }
+    return parts;
+}
+
 std::string part_name(const PartRequest& request) {
     std::string name;
     const FilmPart& part = request.part;

@@ -35,6 +35,10 @@ void parse_samples(const std::string& text, PartRequest& request);
 // The part of a picture of this size and number of samples. Throws InputError if it goes beyond it.
 FilmPart part_of(const PartRequest& request, uint32_t width, uint32_t height, uint32_t samples);
 
+// The same pixels of a picture with so many samples, in parts of no more than `samples_per_part` each.
+std::vector<PartRequest> split_samples(const PartRequest& request, uint32_t samples,
+                                       uint32_t samples_per_part);
+
 // "crop_0_0_480_270.samples_0_63.", for file names; "" if all is asked for.
 std::string part_name(const PartRequest& request);
 

@@ -154,7 +154,8 @@ namespace {
 
 // A part of an adaptive picture is one round, and what was sampled before it is known.
 void check_round(const FilmPart& part, const FilmPart& whole, const FrameOptions& options) {
-    if (part.first_sample == 0 && !options.part.crops) return;
+    const bool crops = part.width() != whole.width() || part.height() != whole.height();
+    if (part.first_sample == 0 && !crops) return;
     const uint32_t first = part.first_sample;
     const bool is_round = first % samples_per_round == 0 &&
                           part.end_sample == std::min(first + samples_per_round, whole.end_sample);
@@ -175,17 +176,17 @@ void check_round(const FilmPart& part, const FilmPart& whole, const FrameOptions
 
 } // namespace
 
-void check_part(const Shot& shot, const FrameOptions& options, const std::vector<FrameFiles>& frames) {
-    const FilmPart part = part_of_frame(shot, options.part), whole = part_of_frame(shot, {});
-    if (options.part.given() && shot.description.film.number("noise") > 0.0)
-        check_round(part, whole, options);
-    if (options.after.empty()) return;
-    if (part.first_sample == 0)
-        throw InputError({"--after " + options.after}, "nothing comes before sample 0",
-                         "leave it out, or give --samples that begin later");
-    FilmPart earlier = whole;
-    earlier.end_sample = part.first_sample;
+void check_parts(const Shot& shot, const FrameOptions& options, const std::vector<FrameFiles>& frames) {
+    const FilmPart whole = part_of_frame(shot, {});
     for (const FrameFiles& files : frames) {
+        if (files.is_part && shot.description.film.number("noise") > 0.0)
+            check_round(files.part, whole, options);
+        if (options.after.empty()) continue;
+        if (files.part.first_sample == 0)
+            throw InputError({"--after " + options.after}, "nothing comes before sample 0",
+                             "leave it out, or give --samples that begin later");
+        FilmPart earlier = whole;
+        earlier.end_sample = files.part.first_sample;
         const std::string after = numbered(options.after, files.frame);
         const FilmState state = read_state(after);
         if (state.samples_digest != files.samples_digest)
@@ -216,9 +217,9 @@ bool is_part_rendered(const FrameFiles& files) {
 
 } // namespace
 
-bool is_rendered(const FrameFiles& files) {
-    // A whole picture has all parts, whose states may have been deleted since.
-    if (is_part_rendered(files)) return true;
+bool is_rendered(const FrameFiles& files) { return is_part_rendered(files) || is_picture_rendered(files); }
+
+bool is_picture_rendered(const FrameFiles& files) {
     const auto is_whole = [&](const std::string& file) {
         return read_metadata(file, frame_key) == fmt::format("{}", files.frame) &&
                whole_metadata(file, digest_key) == files.digest;
@@ -276,7 +277,7 @@ World build_frame(Frame& frame, KeptGeometry kept) {
     warn_far_target(frame);
     frame.film = make_film(frame.files.part.width(), frame.files.part.height(), frame.layers, world);
     frame.film.transparent = is_transparent(frame.shot);
-    if (frame.options.part.crops) {
+    if (frame.files.is_part) {
         const auto [width, height] = film_size(frame.shot);
         frame.settings.crop = Crop{frame.files.part.x0, frame.files.part.y0, width, height};
     }

@@ -33,7 +33,6 @@ struct FrameOptions {
     double seconds = 0.0;            // time limit for tracing a frame; 0: none
     bool resume = false;
     bool keep_state = false; // of finished pictures
-    PartRequest part;        // rendered alone, to a state that merge_states() (farm/merge.h) takes
     // A state of the whole picture, with all samples before those of the part; #### for the frame; "": none.
     std::string after;
 };
@@ -43,9 +42,9 @@ struct FrameFiles {
     double frame = 0.0;
     std::string picture, preview, state; // preview: "" for none
     FilmPart part;                       // what is rendered
-    bool is_part = false;                // not the whole: the state is all that is written
-    std::vector<LayerPicture> layers;    // written with the picture, unless it is interrupted
-    std::string digest;                  // pictures of the same frame and digest are identical
+    bool is_part = false; // not the whole: only the state is written, for merge_states() in farm/merge.h
+    std::vector<LayerPicture> layers; // written with the picture, unless it is interrupted
+    std::string digest;               // pictures of the same frame and digest are identical
     // Films with the same samples_digest differ only in their number of samples: the one with fewer can be
     // continued.
     std::string samples_digest;
@@ -68,12 +67,15 @@ inline const std::string& output_of(const FrameFiles& files) {
     return files.is_part ? files.state : files.picture;
 }
 
-// Whether an earlier run has finished the output, and the pictures of layers.
+// Whether an earlier run has finished the picture, and those of layers.
+bool is_picture_rendered(const FrameFiles& files);
+
+// The same of the output. A picture has all parts, whose states may have been deleted since.
 bool is_rendered(const FrameFiles& files);
 
-// Throws InputError where a part cannot be rendered alone: it goes beyond the picture, or adaptive sampling
-// would have to know more; and where the state of --after is not what comes before it.
-void check_part(const Shot& shot, const FrameOptions& options, const std::vector<FrameFiles>& frames);
+// Throws InputError where a part cannot be rendered alone: adaptive sampling would have to know more; and
+// where the state of --after is not what comes before it.
+void check_parts(const Shot& shot, const FrameOptions& options, const std::vector<FrameFiles>& frames);
 
 // Names of the film's layers: beauty and alpha, the scene's, those of `more`, and those that sampling needs.
 std::vector<std::string> layer_names(const Shot& shot, const std::vector<std::string>& more);

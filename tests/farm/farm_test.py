@@ -345,13 +345,29 @@ def without_slurm(reference):
     here = run_farm("lawn.toml", "-o", "here/a.####.exr", "--frames=1-6", "--chunk=2", "--local=2")
     check("--local again renders what is missing", here.returncode == 0 and bits(names("here", range(1, 7))) == reference[:6] and
           os.stat("here/a.0003.exr").st_mtime_ns == stamp, here.stdout + here.stderr)
+    check("--local again has one task", here.stdout.startswith("5 of 6 frames are there: 1 task\nparts 1 of 1: done\n"), here.stdout)
+    os.remove("here/a.sheet.png")
+    here = run_farm("lawn.toml", "-o", "here/a.####.exr", "--frames=1-6", "--local=2")
+    check("nothing to render: the contact sheet is made", here.returncode == 0 and os.path.exists("here/a.sheet.png") and
+          here.stdout == "6 of 6 frames are there: no tasks\nhere/a.sheet.png\n6 of 6 frames are there\n", here.stdout + here.stderr)
+    in_ranges = ("lawn.toml", "-o", "split/a.####.exr", "--frames=2,3", "--samples-per-task=40")
+    os.mkdir("split")
+    subprocess.run([marram, "render", "lawn.toml", "-o", "split/a.0003.exr", "--frame=3", "--samples=40-79"], check=True, capture_output=True)
+    here = run_farm(*in_ranges, "--local=2")
+    check("ranges: those that are there have no task", here.returncode == 0 and bits(names("split", (2, 3))) == reference[1:3] and
+          here.stdout.startswith("0 of 2 frames are there: 5 tasks\n") and not any(".state." in name for name in os.listdir("split")),
+          here.stdout + here.stderr)
+    os.remove("split/a.0002.exr")
+    here = run_farm(*in_ranges, "--dry-run")
+    check("ranges: those of a frame that is there have no task", here.stdout.startswith("# 1 of 2 frames are there: 3 tasks\n") and
+          "firsts=(0 3)" in here.stdout, here.stdout + here.stderr)
     os.mkdir("none")
     os.mkdir("none/a.0002.exr") # cannot be written
     here = run_farm("lawn.toml", "-o", "none/a.####.exr", "--frames=1-3", "--chunk=1", "--spp=1", "--local=2")
     check("--local says what is missing", here.returncode == 1 and "missing: 2:" in here.stdout, here.stdout + here.stderr)
     dry = run_farm("lawn.toml", "-o", "dry/a.####.exr", "--frames=-4--1,1-9x2", "--chunk=3", "--dry-run", "--set", "wind.speed=3")
     check("--dry-run prints the scripts and writes nothing", dry.returncode == 0 and "#SBATCH --requeue" in dry.stdout and
-          "frames=(-4--2 -1-3x2 5-9x2)" in dry.stdout and "sbatch --parsable --array=0-2 dry/a.farm/parts.sh 0" in dry.stdout and
+          "tasks=(--frames=-4--2 --frames=-1,1,3 --frames=5,7,9)" in dry.stdout and "sbatch --parsable --array=0-2 dry/a.farm/parts.sh 0" in dry.stdout and
           "--set wind.speed=3" in dry.stdout and not os.path.exists("dry"), dry.stdout)
     for arguments, told in ((["nothing.toml"], "nothing.toml: "), (["lawn.toml", "--chunk=0"], "--chunk"), (["lawn.toml", "--frames=9-1"], "backwards"),
                             (["lawn.toml", "--frames=1,b"], "'b'"), (["lawn.toml", "-o", "a.exr"], "####"), (["lawn.toml", "--local=many"], "--local"),

@@ -224,5 +224,42 @@ TEST(FrameList, IsBaked) {
     EXPECT_FALSE(fs::exists(folder / "first.02.hair"));
 }
 
+// The list is that of --resume: the same scene and settings, in the order of the frames. It makes no file.
+TEST(FrameList, SaysWhatIsThere) {
+    const Folder folder;
+    const std::string scene = folder.write("a.toml", SceneText{});
+    const auto list = [&](const std::string& frames, const std::vector<std::string>& more) {
+        std::vector<std::string> command = {"render",   scene,  "-o",     folder / "f.##.exr",
+                                            "--frames", frames, "--list", "--spp"};
+        command.insert(command.end(), more.begin(), more.end());
+        const std::set<std::string> before = folder.names();
+        const ProgramResult done = marram(command);
+        EXPECT_EQ(done.code, 0) << done.err;
+        EXPECT_EQ(folder.names(), before);
+        std::vector<std::pair<std::string, bool>> there;
+        for (const std::string& line : lines(done.out)) {
+            const nlohmann::json frame = nlohmann::json::parse(line);
+            there.emplace_back(frame.at("frame"), frame.at("there"));
+            EXPECT_FALSE(frame.contains("parts"));
+        }
+        return there;
+    };
+    using There = std::vector<std::pair<std::string, bool>>;
+    EXPECT_DONE(
+        marram({"render", scene, "-o", folder / "f.##.exr", "--frames", "-1,2.5", "--spp", "2", "--quiet"}));
+    EXPECT_EQ(list("3,2.5,-1-0", {"2"}), (There{{"3", false}, {"2.5", true}, {"-1", true}, {"0", false}}));
+    EXPECT_EQ(list("2.5", {"3"}), (There{{"2.5", false}}));
+    EXPECT_EQ(list("2.5", {"2", "--set", "wind.speed=9"}), (There{{"2.5", false}}));
+    EXPECT_EQ(list("5-1:-2", {"2", "--frames-dialect", "openjd", "--progress", "plain"}),
+              (There{{"5", false}, {"3", false}, {"1", false}}));
+    EXPECT_EQ(list("900-901", {"2", "--skip-outside", "--quiet"}), There{});
+    EXPECT_EQ(lines(marram({"render", scene, "-o", folder / "no folder/a.exr", "--list"}).out),
+              std::vector<std::string>{fmt::format(R"({{"frame":"1","picture":"{}","there":false}})",
+                                                   folder / "no folder/a.exr")});
+    const ProgramResult refused = marram({"render", scene, "-o", folder / "a.toml", "--list"});
+    EXPECT_EQ(refused.code, 2);
+    EXPECT_EQ(refused.out, "");
+}
+
 } // namespace
 } // namespace marram::testing

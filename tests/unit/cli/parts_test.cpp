@@ -10,6 +10,7 @@
 
 #include <fmt/format.h>
 #include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
 
 #include <algorithm>
 #include <atomic>
@@ -325,6 +326,37 @@ TEST(FilmPart, WhatIsMissingIsWhatNoPartHas) {
     }
     EXPECT_EQ(join_neighbours({{0, 0, 4, 4, 8, 16}, {0, 0, 4, 4, 0, 8}, {4, 0, 8, 4, 0, 16}}),
               (std::vector<FilmPart>{{0, 0, 8, 4, 0, 16}}));
+}
+
+// --samples-per-task: all ranges of a frame, which processes with --claim share; what --list says of them.
+TEST_F(Parts, OfAFrameAreSharedAndListed) {
+    const std::vector<std::string> small = {"--size", "16x12", "--spp", "10"},
+                                   ranges = with(small, {"--samples-per-task", "4"});
+    const auto list = [&] { return nlohmann::json::parse(render("a.exr", with(ranges, {"--list"})).out); };
+    const std::vector<std::string> states = {"a.exr.samples_0_3.state.tif", "a.exr.samples_4_7.state.tif",
+                                             "a.exr.samples_8_9.state.tif"};
+    EXPECT_DONE(render("a.exr", with(small, {"--samples", "4-7"})));
+    nlohmann::json frame = list();
+    EXPECT_EQ(frame.at("there"), false);
+    ASSERT_EQ(frame.at("parts").size(), 3u);
+    for (size_t i = 0; i < 3; ++i) {
+        EXPECT_EQ(frame["parts"][i].at("state"), folder / states[i]);
+        EXPECT_EQ(frame["parts"][i].at("there"), i == 1);
+    }
+    EXPECT_EQ(frame["parts"][2].at("samples"), "8-9");
+    const ProgramResult others = render("a.exr", with(ranges, {"--claim"}));
+    EXPECT_EQ(others.code, 0) << others.err;
+    EXPECT_EQ(others.out, folder / states[0] + "\n" + folder / states[2] + "\n");
+    EXPECT_EQ(list().at("there"), false) << "they are not merged";
+    EXPECT_EQ(list()["parts"][0].at("there"), true);
+    EXPECT_DONE(merge(states, "a.exr"));
+    for (const std::string& state : states) fs::remove(folder / state);
+    EXPECT_EQ(list().at("there"), true);
+    EXPECT_EQ(list()["parts"][0].at("there"), true) << "the picture has it";
+    EXPECT_DONE(render("whole.exr", small));
+    expect_same("a.exr", "whole.exr");
+    expect_refused(render("a.exr", with(ranges, {"--set", "film.noise=0.1"})), "add --set film.noise=0");
+    expect_refused(render("a.exr", with(ranges, {"--samples", "0-3"})), "excludes");
 }
 
 } // namespace

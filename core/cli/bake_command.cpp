@@ -60,13 +60,13 @@ void check_outputs(const Shot& shot, const std::vector<double>& frames, const Ba
     }
 }
 
-void print_new(const std::vector<std::string>& warnings, std::set<std::string>& printed) {
-    for (const std::string& warning : warnings)
-        if (printed.insert(warning).second) print_warning(warning);
+void print_new(const std::vector<Problem>& warnings, std::set<std::string>& printed) {
+    for (const Problem& warning : warnings)
+        if (printed.insert(to_string(warning)).second) print_warning(warning);
 }
 
 // What is done with the world of a frame. Returns warnings.
-using WriteFrame = std::function<std::vector<std::string>(const World&)>;
+using WriteFrame = std::function<std::vector<Problem>(const World&)>;
 
 // prefix: of the phases, "again, " or "".
 void build_and_write(Shot& shot, const BakeOptions& options, RunProgress& run, const std::string& prefix,
@@ -110,7 +110,7 @@ void bake_frames(Shot& shot, const BakeOptions& options, RunProgress& run, std::
         build_and_write(shot, options, run, "", warnings, frames[i], [&](const World& world) {
             if (!sequence) return write_baked(shot, world, options, output);
             sequence->add(world.curves, frames[i].frame);
-            return std::vector<std::string>();
+            return std::vector<Problem>();
         });
         if (!sequence) print_output(output);
         stats_file.add(frames[i]);
@@ -130,7 +130,7 @@ void bake_height_pictures(Shot& shot, BakeOptions options, RunProgress& run, std
         run.begin_part(i, count, 0.0, built);
         build_and_write(shot, options, run, "", warnings, frames[i], [&](const World& world) {
             heights.add(world, options.output);
-            return std::vector<std::string>();
+            return std::vector<Problem>();
         });
     }
     options.range = heights.range();

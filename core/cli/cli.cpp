@@ -481,8 +481,8 @@ int threads_of(const CommonOptions& options) {
 }
 
 void print_warnings(const Shot& shot, bool uses_lights) {
-    for (const std::string& warning : warnings_of(shot)) print_warning(warning);
-    for (const std::string& warning : light_warnings_of(shot))
+    for (const Problem& warning : warnings_of(shot)) print_warning(warning);
+    for (const Problem& warning : light_warnings_of(shot))
         if (uses_lights) print_warning(warning);
 }
 
@@ -511,6 +511,7 @@ int run(int argc, char** argv) {
     add_man(app, commands);
     add_log(app);
     set_message_options(argc, argv);
+    show_notes(print_note);
     try {
         check_command(app, argc, argv);
         std::vector<char*> arguments(argv, argv + argc);

@@ -80,8 +80,8 @@ void add_log(CLI::App& program) {
             ->add_option_function<std::string>(
                 "--log", [](const std::string&) {}, // set_message_options() has taken it
                 "messages on stderr as lines of text, such lines with the time (UTC) before them, or a JSON "
-                "object a line: time, level, id, file, line, column, and what and fix of a mistake, else "
-                "text")
+                "object a line: time, level, id, file, line, column, and what and fix of a mistake or "
+                "warning, else text")
             ->check(CLI::IsMember(names_of(log_formats)))
             ->default_str("text");
 }

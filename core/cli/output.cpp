@@ -12,7 +12,6 @@
 #include <array>
 #include <atomic>
 #include <cerrno>
-#include <charconv>
 #include <chrono>
 #include <csignal>
 #include <cstdio>
@@ -51,30 +50,14 @@ TimeText now_as_text() {
     return text;
 }
 
-// Takes ":digits" from the end of the text. 0: there are none.
-int take_number_at_end(std::string_view& text) {
-    const size_t colon = text.rfind(':');
-    if (colon == std::string_view::npos || colon == 0) return 0;
-    const std::string_view digits = text.substr(colon + 1);
-    int number = 0;
-    const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), number);
-    if (error != std::errc{} || end != digits.data() + digits.size() || number <= 0) return 0;
-    text = text.substr(0, colon);
-    return number;
-}
-
 // The place that a message begins with. A name without a line may be the begin of a sentence, so it is taken
 // for that of a file if there is one.
 Place place_at_begin(std::string_view line) {
-    std::string_view text = line.substr(0, line.find(": "));
-    const int last = take_number_at_end(text), first = take_number_at_end(text);
-    if (last == 0) {
-        std::error_code error;
-        const bool is_file = text.size() < line.size() && std::filesystem::is_regular_file(text, error);
-        return {is_file ? std::string(text) : "", 0, 0};
-    }
-    if (first == 0) return {std::string(text), last, 0};
-    return {std::string(text), first, last};
+    const std::string_view text = line.substr(0, line.find(": "));
+    Place place = parse_place(text);
+    std::error_code error;
+    const bool is_file = text.size() < line.size() && std::filesystem::is_regular_file(text, error);
+    return place.line > 0 || is_file ? place : Place{};
 }
 
 std::string as_json(LogLevel level, const std::string& id, const Place& place,
@@ -99,6 +82,13 @@ void write_problem(LogLevel level, const Problem& problem) {
 }
 
 } // namespace
+
+void print_warning(const Problem& warning) { write_problem(LogLevel::warning, warning); }
+
+void print_note(const Problem& note) {
+    if (isatty(STDERR_FILENO) && log_format() != LogFormat::json) draw("\r\033[K"); // over the progress line
+    write_problem(LogLevel::info, note);
+}
 
 void set_log_format(LogFormat format) { format_of_messages = format; }
 LogFormat log_format() { return format_of_messages; }
@@ -145,10 +135,11 @@ void write_error_without_memory(const char* line) {
     else if (format == LogFormat::time)
         std::snprintf(text.data(), text.size(), "%s %s\n", now_as_text().data(), safe.data());
     else
-        std::snprintf(text.data(), text.size(),
-                      R"({"time":"%s","level":"error","id":"","file":"","line":0,"column":0,"text":"%s"})"
-                      "\n",
-                      now_as_text().data(), safe.data());
+        std::snprintf(
+            text.data(), text.size(),
+            R"({"time":"%s","level":"error","id":"","file":"","line":0,"column":0,"what":"%s","fix":""})"
+            "\n",
+            now_as_text().data(), safe.data());
     if (::write(STDERR_FILENO, text.data(), std::strlen(text.data())) < 0) return; // nobody listens
 }
 

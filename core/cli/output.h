@@ -18,8 +18,8 @@ enum class LogFormat { text, time, json };
 enum class LogLevel { info, warning, error };
 
 // How messages are written from this call on: as lines of text, as such lines with the time before them, or
-// as one JSON object a line: time (RFC 3339, UTC), level, id, file, line, column, and either what and fix of
-// a Problem, or text. An id or place that a message has not is "" or 0.
+// as one JSON object a line: time (RFC 3339, UTC), level, id, file, line, column, and what and fix of a
+// mistake or warning, else text. An id or place that a message has not is "" or 0.
 void set_log_format(LogFormat format);
 LogFormat log_format();
 
@@ -51,7 +51,8 @@ void print_message(fmt::format_string<T...> format, T&&... values) {
     write_message(LogLevel::info, fmt::format(format, std::forward<T>(values)...));
 }
 
-inline void print_warning(std::string_view line) { write_message(LogLevel::warning, line); }
+void print_warning(const Problem& warning);
+void print_note(const Problem& note); // what is worth knowing, also while a progress line is drawn
 
 template <typename... T>
 void print_result(fmt::format_string<T...> format, T&&... values) {

@@ -95,11 +95,10 @@ void warn_of_unwritten_layers(const Shot& shot, const RenderOptions& options) {
         if (std::ranges::find(options.pictures, layer, &LayerPicture::layer) == options.pictures.end())
             unwritten.push_back(layer);
     if (unwritten.empty()) return;
-    const Problem problem{
-        aovs->place,
-        fmt::format("film.aovs: not written: {}: a PNG holds the picture alone", fmt::join(unwritten, ", ")),
-        "write an .exr, or a layer to a file of its own with --png", ""};
-    print_warning(to_string(problem));
+    print_warning(
+        {aovs->place,
+         fmt::format("film.aovs: not written: {}: a PNG holds the picture alone", fmt::join(unwritten, ", ")),
+         "write an .exr, or a layer to a file of its own with --png", "film.unwritten_layers"});
 }
 
 // Checks layers and materials before anything is built.
@@ -110,7 +109,7 @@ void check_contents(const Shot& shot, const RenderOptions& options, size_t frame
         throw InputError({"--aov " + options.layers.front()}, "a PNG holds the picture alone",
                          "write an .exr, or the layer to a file of its own with --png");
     warn_of_unwritten_layers(shot, options);
-    for (const std::string& warning : check_materials(shot)) print_warning(warning);
+    for (const Problem& warning : check_materials(shot)) print_warning(warning);
 }
 
 // The layers that the film needs besides the scene's.
@@ -132,7 +131,7 @@ ProgressState state_of(const FrameProgress& progress, const std::string& prefix)
 
 void save(Frame& frame, Preview& preview, const RenderOptions& options) {
     const RenderStats& render = frame.stats.render;
-    for (const std::string& warning : render_warnings(frame)) print_warning(warning);
+    for (const Problem& warning : render_warnings(frame)) print_warning(warning);
     if (render.clamped_fraction > 0.0 && !options.quiet)
         print_message("{}: film.clamp took {:.2g} % of the light\n", frame.files.picture,
                       100.0 * render.clamped_fraction);
@@ -140,17 +139,17 @@ void save(Frame& frame, Preview& preview, const RenderOptions& options) {
     for (const std::string& layer : saved.layers) print_result("{}\n", layer);
     if (!options.watch || render.cancelled) print_result("{}\n", saved.picture);
     flush_results();
-    if (!saved.state_error.empty())
-        for (const std::string& line :
-             {saved.state_error, frame.files.picture + ": --resume will start this frame again"})
-            print_warning(line);
+    if (saved.state_error) {
+        print_warning(*saved.state_error);
+        print_warning({{frame.files.picture}, "--resume will start this frame again", "", "state.unwritten"});
+    }
     if (saved.whole) remove_unfinished(frame.files, options.keep_state);
     if (!render.cancelled) preview.finish();
-    if (!preview.fault().empty()) print_warning(preview.fault());
+    if (preview.fault()) print_warning(*preview.fault());
 }
 
 void print_fault(Display& display) {
-    if (const std::string fault = display.take_fault(); !fault.empty()) print_warning(fault);
+    if (const std::optional<Problem> fault = display.take_fault()) print_warning(*fault);
 }
 
 // Waits for what the viewer has not taken yet of the last picture.
@@ -183,7 +182,7 @@ void render_frame(Frame& frame, KeptGeometry& kept, RunProgress& run, const Rend
     }
     const ResumedFrame resumed = resume_frame(frame);
     if (resumed.refused)
-        print_warning(resumed.message);
+        print_warning(*resumed.refused);
     else if (!resumed.message.empty() && !options.quiet)
         print_message("{}", resumed.message);
     if (display) print_fault(*display);
@@ -196,8 +195,10 @@ void render_frame(Frame& frame, KeptGeometry& kept, RunProgress& run, const Rend
     frame.between_passes = [&] {
         if (shown) shown->show_if_due(frame.film);
         checkpoint.save_if_due();
-        const std::string fault = checkpoint.take_fault();
-        if (!fault.empty() && !std::exchange(warned, true)) print_warning(fault + ": no checkpoint is saved");
+        std::optional<Problem> fault = checkpoint.take_fault();
+        if (!fault || std::exchange(warned, true)) return;
+        fault->fix += ": no checkpoint is saved";
+        print_warning(*fault);
     };
     {
         const RunProgress::Watch watch(run, state);

@@ -35,17 +35,21 @@ int sheet_command(const SheetOptions& options) {
     std::vector<SheetPicture> pictures;
     for (size_t i = 0; i < captions.size(); ++i) pictures.push_back({options.pictures[i], captions[i]});
     std::atomic<size_t> done{0};
-    std::string warning;
+    bool has_font = false;
     {
         const ProgressLine line(options.quiet, [&] {
             return ProgressState{"reading", double(done.load()) / double(pictures.size())};
         });
-        warning = write_sheet(options.output, pictures, options.layout, [&](size_t i) {
+        has_font = write_sheet(options.output, pictures, options.layout, [&](size_t i) {
             if (interrupted()) throw Cancelled();
             done = i;
         });
     }
-    if (!warning.empty()) print_warning(warning);
+    if (!has_font)
+        print_warning({{options.output},
+                       "no font was found, so that there are no captions",
+                       "install fonts-dejavu-core, or name a file with --font",
+                       "sheet.no_font"});
     print_result("{}\n", options.output);
     return 0;
 }

@@ -186,7 +186,7 @@ const MarramGrid* ContractValues::image(const ParamValue& value) {
         tiles.image = read_data_image(value.text, notes);
     Image& image = images_.emplace_back(std::move(tiles.image));
     for (const std::string& note : notes)
-        warnings_.push_back(fmt::format("{}: \"{}\": {}", to_string(value.place), value.text, note));
+        warnings_.push_back({value.place, fmt::format("\"{}\": {}", value.text, note), "", "image.data"});
     keep_channels(image, 4); // the most that a grid has
     MarramGrid& grid = grids_.emplace_back();
     grid.name = value.text.c_str();

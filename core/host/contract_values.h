@@ -6,6 +6,7 @@
 #include "core/host/plugin_library.h"
 #include "core/host/volume_value.h"
 #include "core/image/image.h"
+#include "core/math/problem.h"
 
 #include <deque>
 #include <map>
@@ -34,7 +35,7 @@ class ContractValues {
     MarramValues list() const; // points into this object
     // One line for each image with holes or values that stand alone (core/image/data_image.h), with its
     // place.
-    const std::vector<std::string>& warnings() const { return warnings_; }
+    const std::vector<Problem>& warnings() const { return warnings_; }
     // Of the values, which point to them: to be kept as long as the contract says (MarramVolume).
     const std::vector<std::shared_ptr<const VolumeValue>>& volumes() const { return volumes_; }
     // Digest of names, values and file contents, without places.
@@ -52,7 +53,7 @@ class ContractValues {
     void add_attributes(MarramValue& out);
 
     const CurveAttributes& curves_;
-    std::vector<std::string> warnings_;
+    std::vector<Problem> warnings_;
     std::vector<MarramValue> values_;
     std::deque<std::string> texts_;
     std::deque<std::vector<float>> numbers_;

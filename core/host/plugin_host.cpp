@@ -22,10 +22,6 @@ namespace {
 #define MARRAM_TEXT_OF(message, field)                                                                       \
     (MARRAM_HAS(message, field) && (message)->field ? (message)->field : "")
 
-std::string joined(const std::string& what, const std::string& remedy) {
-    return remedy.empty() ? what : what + ": " + remedy;
-}
-
 // User data of MarramStates' callbacks.
 struct Store {
     StateStore& states;
@@ -176,23 +172,17 @@ void Procedural::on_message(void* user, const MarramMessage* message) {
     try {
         const std::string place = MARRAM_TEXT_OF(message, place), what = MARRAM_TEXT_OF(message, what),
                           remedy = MARRAM_TEXT_OF(message, remedy), id = MARRAM_TEXT_OF(message, id);
-        const std::string where = !place.empty() ? place : to_string(procedural.place_);
+        Problem problem{place.empty() ? procedural.place_ : parse_place(place), what, remedy, id};
         if (message->severity == MARRAM_FAULT) {
-            Problem problem;
-            problem.place.file = where;
-            problem.what = what;
-            problem.fix = remedy.empty() ? "see `marram info`" : remedy;
-            problem.id = id;
+            if (remedy.empty()) problem.fix = "see `marram info`";
             procedural.faults_.push_back(std::move(problem));
-        } else if (message->severity == MARRAM_INFO) { // print at once; a progress line is redrawn
-            const std::string line = fmt::format("{}{}: {}\n", isatty(STDERR_FILENO) ? "\r\033[K" : "", where,
-                                                 joined(what, remedy));
-            std::fputs(line.c_str(), stderr);
+        } else if (message->severity == MARRAM_INFO) {
+            note(problem);
         } else {
-            std::vector<std::string>& list = message->severity == MARRAM_COMMON_WARNING
-                                                 ? procedural.common_warnings_
-                                                 : procedural.warnings_;
-            list.push_back(where + ": " + joined(what, remedy));
+            std::vector<Problem>& list = message->severity == MARRAM_COMMON_WARNING
+                                             ? procedural.common_warnings_
+                                             : procedural.warnings_;
+            list.push_back(std::move(problem));
         }
     } catch (...) {
         procedural.thrown_ = std::current_exception();
@@ -230,7 +220,7 @@ void Procedural::prepare(const MarramFrame& frame, StateStore& states, const Pre
     progress_ = &progress;
     const MarramStatus status = type_->calls.prepare(instance_, &frame, &lent);
     progress_ = nullptr;
-    for (std::string& warning : states.take_warnings()) {
+    for (Problem& warning : states.take_warnings()) {
         const std::lock_guard lock(messages_lock_);
         warnings_.push_back(std::move(warning));
     }
@@ -348,12 +338,12 @@ std::vector<Procedural::ShelterRay> Procedural::shelter_rays(const std::vector<V
     return list;
 }
 
-std::vector<std::string> Procedural::take_warnings() {
+std::vector<Problem> Procedural::take_warnings() {
     const std::lock_guard lock(messages_lock_);
     return std::exchange(warnings_, {});
 }
 
-std::vector<std::string> Procedural::take_common_warnings() {
+std::vector<Problem> Procedural::take_common_warnings() {
     const std::lock_guard lock(messages_lock_);
     return std::exchange(common_warnings_, {});
 }

@@ -97,12 +97,12 @@ class Procedural {
         double shelter;
     };
     std::vector<ShelterRay> shelter_rays(const std::vector<Vec3d>& cvs, const Vec3d& root_normal);
-    std::vector<std::string> take_warnings();
+    std::vector<Problem> take_warnings();
     // False: it is not told that the work is cancelled, and so comes to its end.
     void set_cancellable(bool cancellable) { cancellable_ = cancellable; }
-    // Of the files that its values name; one line each.
-    const std::vector<std::string>& file_warnings() const { return file_warnings_; }
-    std::vector<std::string> take_common_warnings(); // see MARRAM_COMMON_WARNING
+    // Of the files that its values name.
+    const std::vector<Problem>& file_warnings() const { return file_warnings_; }
+    std::vector<Problem> take_common_warnings(); // see MARRAM_COMMON_WARNING
     // That its values name. Files are shared: by procedurals, too.
     const std::vector<std::shared_ptr<const VolumeValue>>& volumes() const { return volumes_; }
     // Takes the values of another description of the same procedural. `inputs` (MarramChange): what has
@@ -146,7 +146,7 @@ class Procedural {
     std::exception_ptr thrown_; // of a host function that the procedural has called
     std::mutex messages_lock_;
     std::vector<Problem> faults_;
-    std::vector<std::string> warnings_, common_warnings_, file_warnings_;
+    std::vector<Problem> warnings_, common_warnings_, file_warnings_;
 };
 
 } // namespace marram

@@ -47,15 +47,16 @@ std::optional<double> frame_of(const fs::path& file) {
     return frame;
 }
 
-constexpr const char* damaged = "is damaged and is left out: remove it";
-
 // Empty if the file is not as it was written, with the reason in `why`.
-std::optional<StoredState> read(const std::string& file, uint64_t digest, double frame, std::string& why) {
-    why = damaged;
+std::optional<StoredState> read(const std::string& file, uint64_t digest, double frame, Problem& why) {
+    why = {{file}, "is damaged and is left out", "remove it", "state.damaged"};
     errno = 0;
     std::ifstream in(file, std::ios::binary);
     if (!in.is_open()) {
-        why = fmt::format("cannot be read ({}) and is left out: check its permissions", std::strerror(errno));
+        why = {{file},
+               fmt::format("cannot be read ({}) and is left out", std::strerror(errno)),
+               "check its permissions",
+               "state.unreadable"};
         return {};
     }
     Header header;
@@ -108,10 +109,10 @@ std::optional<StoredState> StateStore::load(double frame) {
     std::ranges::sort(frames, std::greater<>());
     for (const double candidate : frames) {
         if (unwritten && unwritten->frame >= candidate) break;
-        std::string why;
+        Problem why;
         if (std::optional<StoredState> state = read(file_of(candidate), digest_, candidate, why))
             return state;
-        warnings_.push_back(file_of(candidate) + ": " + why);
+        warnings_.push_back(std::move(why));
     }
     return unwritten;
 }
@@ -123,9 +124,11 @@ void StateStore::store(double frame, const void* data, size_t byte_count) {
             write(frame, data, byte_count);
             return;
         } catch (const InputError& error) { // what was computed is worth more than the file
-            if (memory_.empty())
-                warnings_.push_back(fmt::format(
-                    "{}; until it can be written, only the newest state is kept, in memory", error.what()));
+            if (memory_.empty()) {
+                Problem& warning = warnings_.emplace_back(error.problems.front());
+                warning.fix += "; until it can be written, only the newest state is kept, in memory";
+                warning.id = "state.unwritten";
+            }
             memory_.clear();
         }
     }
@@ -144,6 +147,6 @@ void StateStore::write(double frame, const void* data, size_t byte_count) const 
     file.commit();
 }
 
-std::vector<std::string> StateStore::take_warnings() { return std::exchange(warnings_, {}); }
+std::vector<Problem> StateStore::take_warnings() { return std::exchange(warnings_, {}); }
 
 } // namespace marram

@@ -8,6 +8,8 @@
 // not followed when states are written.
 #pragma once
 
+#include "core/math/problem.h"
+
 #include <cstdint>
 #include <map>
 #include <optional>
@@ -31,7 +33,7 @@ class StateStore {
     std::optional<StoredState> load(double frame);
     // A file that cannot be written is a warning: the newest such state is kept in memory.
     void store(double frame, const void* data, size_t byte_count);
-    std::vector<std::string> take_warnings();
+    std::vector<Problem> take_warnings();
 
   private:
     std::string file_of(double frame) const;
@@ -42,7 +44,7 @@ class StateStore {
     uint64_t digest_;
     std::map<double, std::vector<char>>
         memory_; // with a folder: the newest state, if it could not be written
-    std::vector<std::string> warnings_;
+    std::vector<Problem> warnings_;
 };
 
 } // namespace marram

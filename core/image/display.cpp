@@ -149,7 +149,7 @@ struct Display::Connection {
     std::vector<char> create, update; // wait
     bool looks_up = true, connected = false, sends = false, ended = false;
     double last_taken = 0.0; // time when the viewer took a byte
-    std::string fault, untold_fault;
+    std::optional<Problem> fault, untold_fault;
 
     bool is_idle() const { return !sends && create.empty() && update.empty(); }
     void fail(const std::string& what, const std::string& fix = "start the viewer first");
@@ -162,9 +162,9 @@ struct Display::Connection {
 
 void Display::Connection::fail(const std::string& what, const std::string& fix) {
     const std::lock_guard lock(guard);
-    if (!fault.empty() || ended) return;
-    const InputError error({"--display " + address.text}, what, "the render goes on without; " + fix);
-    fault = to_string(error.problems.front());
+    if (fault || ended) return;
+    fault =
+        Problem{{"--display " + address.text}, what, "the render goes on without; " + fix, "display.lost"};
     untold_fault = fault;
     create = update = {};
     changed.notify_all();
@@ -172,7 +172,7 @@ void Display::Connection::fail(const std::string& what, const std::string& fix) 
 
 bool Display::Connection::is_ended() {
     const std::lock_guard lock(guard);
-    return ended || !fault.empty();
+    return ended || fault;
 }
 
 // Also true if the connection is broken, which writing tells.
@@ -242,8 +242,8 @@ void Display::Connection::run() {
     std::unique_lock lock(guard);
     connected = true;
     for (;;) {
-        changed.wait(lock, [&] { return ended || !fault.empty() || !is_idle(); });
-        if (ended || !fault.empty()) return;
+        changed.wait(lock, [&] { return ended || fault || !is_idle(); });
+        if (ended || fault) return;
         const std::vector<char> first = std::exchange(create, {}), then = std::exchange(update, {});
         sends = true;
         lock.unlock();
@@ -275,7 +275,7 @@ Display::~Display() {
 
 bool Display::is_ready() const {
     const std::lock_guard lock(connection_->guard);
-    return connection_->connected && connection_->fault.empty() && connection_->is_idle();
+    return connection_->connected && !connection_->fault && connection_->is_idle();
 }
 
 void Display::show(const std::string& name, int width, int height, std::span<const Layer> layers) {
@@ -295,7 +295,7 @@ void Display::show(const std::string& name, int width, int height, std::span<con
 
     Connection& to = *connection_;
     const std::lock_guard lock(to.guard);
-    if (!to.fault.empty()) return;
+    if (to.fault) return;
     if (to.name != name || to.width != width || to.height != height || to.channels != channels) {
         to.create = create_packet(name, width, height, channels);
         to.name = name, to.width = width, to.height = height;
@@ -309,7 +309,7 @@ void Display::finish(const std::atomic<bool>& cancel) {
     Connection& to = *connection_;
     std::unique_lock lock(to.guard);
     const double begin = wall_seconds();
-    while (to.fault.empty() && !to.is_idle() && !cancel) {
+    while (!to.fault && !to.is_idle() && !cancel) {
         if (wall_seconds() - std::max(begin, to.last_taken) > patience) {
             const bool connected = to.connected;
             lock.unlock();
@@ -322,9 +322,9 @@ void Display::finish(const std::atomic<bool>& cancel) {
 
 void Display::give_up(const std::string& why) { connection_->fail(why); }
 
-std::string Display::take_fault() {
+std::optional<Problem> Display::take_fault() {
     const std::lock_guard lock(connection_->guard);
-    return std::exchange(connection_->untold_fault, {});
+    return std::exchange(connection_->untold_fault, std::nullopt);
 }
 
 } // namespace marram

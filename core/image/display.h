@@ -16,9 +16,11 @@
 #pragma once
 
 #include "core/image/image.h"
+#include "core/math/problem.h"
 
 #include <atomic>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <thread>
@@ -63,8 +65,8 @@ class Display {
 
     void give_up(const std::string& why); // nothing is shown any more
 
-    // Why nothing is shown any more, one line; "": no fault, or taken before.
-    std::string take_fault();
+    // Why nothing is shown any more; nothing: no fault, or taken before.
+    std::optional<Problem> take_fault();
 
   private:
     struct Connection;

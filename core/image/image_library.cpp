@@ -120,8 +120,8 @@ void write_range_png(const std::string& path, int width, int height, int channel
     library().write_range_png(path, width, height, channels, pixels, range, metadata);
 }
 
-std::string write_sheet(const std::string& output, const std::vector<SheetPicture>& pictures,
-                        const SheetLayout& layout, const std::function<void(size_t)>& at) {
+bool write_sheet(const std::string& output, const std::vector<SheetPicture>& pictures,
+                 const SheetLayout& layout, const std::function<void(size_t)>& at) {
     return library().write_sheet(output, pictures, layout, at);
 }
 

@@ -35,9 +35,9 @@ std::vector<std::string> name_captions(const std::vector<std::string>& files);
 // and the font. Pictures are scaled to the width of a column, or to twice that as height if they would be
 // higher. Captions that are too long are cut in the middle. Pictures are read one after the other; `at` is
 // called with the index of each. Throws InputError for a picture that cannot be read or has no colours, a
-// layout that leaves no room, and a given font that cannot be read. Returns a warning if no font was found
-// and so there are no captions, otherwise "".
-std::string write_sheet(const std::string& output, const std::vector<SheetPicture>& pictures,
-                        const SheetLayout& layout, const std::function<void(size_t)>& at = {});
+// layout that leaves no room, and a given font that cannot be read. Returns false if no font was found
+// and so there are no captions.
+bool write_sheet(const std::string& output, const std::vector<SheetPicture>& pictures,
+                 const SheetLayout& layout, const std::function<void(size_t)>& at = {});
 
 } // namespace marram

@@ -5,6 +5,7 @@
 
 #include <stdexcept>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -15,15 +16,31 @@ struct Place {
     std::string file;
     int line = 0;
     int column = 0;
+    bool operator==(const Place&) const = default;
 };
 
+// Also a warning, which has neither a place nor a fix where there is none.
 struct Problem {
-    Place place;
-    std::string what;           // what is wrong
-    std::string fix;            // what to do about it
+    Place place{};
+    std::string what{};         // what is wrong
+    std::string fix{};          // what to do about it
     std::string id{};           // for programs: "groom.no_mesh"; "": none
     std::string missing_file{}; // if that is what is wrong
+
+    Problem() = default;
+    // No aggregate: GCC 12 takes what an exception leaves of one for uninitialised.
+    Problem(Place at, std::string wrong, std::string remedy = {}, std::string name = {})
+        : place(std::move(at)), what(std::move(wrong)), fix(std::move(remedy)), id(std::move(name)) {}
+    bool operator==(const Problem&) const = default;
 };
+
+// "file:line:column", "file:line" or "file", as to_string() writes it.
+Place parse_place(std::string_view text);
+
+// What is worth knowing at once, such as what a procedural says of its work: shown as show_notes() has set,
+// by default as a line on stderr. From any thread.
+void note(const Problem& note);
+void show_notes(void (*show)(const Problem& note));
 
 inline std::string to_string(const Place& place) {
     std::string text = place.file;
@@ -47,8 +64,11 @@ inline std::string shortened(const std::string& text, size_t most) {
 // shortened.
 inline std::string to_string(const Problem& problem) {
     constexpr size_t longest_part = 400, longest_place = 1000;
-    std::string text = shortened(to_string(problem.place), longest_place) + ": " +
-                       shortened(problem.what, longest_part) + ": " + shortened(problem.fix, longest_part);
+    std::string text = shortened(to_string(problem.place), longest_place);
+    for (const std::string* part : {&problem.what, &problem.fix}) {
+        if (!text.empty() && !part->empty()) text.append(": ");
+        text.append(shortened(*part, longest_part));
+    }
     for (size_t i = 0; i < text.size(); ++i) {
         char& c = text[i];
         const auto byte = static_cast<unsigned char>(c);

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "core/geometry/mesh.h"
+#include "core/math/problem.h"
 
 namespace marram {
 
@@ -16,7 +17,7 @@ struct MeshLoading {
     const Mesh* first_shape = nullptr;
     MeshSides* sides = nullptr; // receives what settle_sides() found
     // Receives a warning if faces of an OBJ refer to uvs or normals that the file does not have.
-    std::vector<std::string>* warnings = nullptr;
+    std::vector<Problem>* warnings = nullptr;
 };
 
 // Reads .obj, .ply (ascii, binary of either byte order), or .vdb: the surface of the first level set of

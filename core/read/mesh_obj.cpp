@@ -10,6 +10,7 @@
 #include <algorithm>
 #include <istream>
 #include <limits>
+#include <optional>
 #include <streambuf>
 
 namespace marram {
@@ -55,7 +56,7 @@ class Scan {
         return kind != position && counts_[kind] == 0 && (forward_[kind] > 0 || backward_offset_[kind] > 0);
     }
     // One line about the faces that name such uvs or normals; "" if there are none.
-    std::string dangling_warning() const;
+    std::optional<Problem> dangling_warning() const;
     size_t corners() const { return corners_; }
     size_t faces() const { return faces_; }
 
@@ -107,7 +108,7 @@ void Scan::fail(size_t offset, const std::string& what, const std::string& fix) 
     throw InputError(place(offset), what, fix);
 }
 
-std::string Scan::dangling_warning() const {
+std::optional<Problem> Scan::dangling_warning() const {
     std::string names;
     size_t faces = 0, first = bytes_.size();
     for (const Kind kind : {uv, normal}) {
@@ -117,11 +118,11 @@ std::string Scan::dangling_warning() const {
         faces = std::max(faces, naming_faces_[kind]);
         first = std::min(first, naming_offset_[kind]);
     }
-    if (faces == 0) return "";
-    return fmt::format("{}: {} to {} that the file does not have, read without them: export the mesh with "
-                       "them, or without these indices",
-                       to_string(place(first)),
-                       faces == 1 ? "a face refers" : fmt::format("{} faces refer", faces), names);
+    if (faces == 0) return std::nullopt;
+    return Problem{place(first),
+                   fmt::format("{} to {} that the file does not have, read without them",
+                               faces == 1 ? "a face refers" : fmt::format("{} faces refer", faces), names),
+                   "export the mesh with them, or without these indices", "mesh.missing_values"};
 }
 
 void Scan::run() {
@@ -378,11 +379,11 @@ class Splitter {
 
 } // namespace
 
-Mesh read_obj(const std::string& path, std::string& bytes, std::vector<std::string>* warnings) {
+Mesh read_obj(const std::string& path, std::string& bytes, std::vector<Problem>* warnings) {
     Scan scan(path, bytes);
     scan.run();
-    if (std::string warning = scan.dangling_warning(); warnings && !warning.empty())
-        warnings->push_back(std::move(warning));
+    if (std::optional<Problem> warning = scan.dangling_warning(); warnings && warning)
+        warnings->push_back(*std::move(warning));
     if (scan.corners() > max_count)
         throw InputError(Place{path}, "has more than 4,294,967,294 corners", "split it into several files");
     ObjData data = parse(path, bytes, scan);

@@ -19,7 +19,7 @@ inline constexpr uint32_t max_polygon = 10000; // corners; concave ones take qua
 
 // Each parses a whole file. The mesh's normals, if any, need not be unit yet; a zero stands for a missing
 // one. They may overwrite `bytes`. warnings: as in MeshLoading.
-Mesh read_obj(const std::string& path, std::string& bytes, std::vector<std::string>* warnings);
+Mesh read_obj(const std::string& path, std::string& bytes, std::vector<Problem>* warnings);
 Mesh read_ply(const std::string& path, std::string& bytes);
 Mesh read_vdb(const std::string& path, std::string& bytes);
 

@@ -74,18 +74,19 @@ bool makes_strands(const Shot& shot) {
 }
 
 // A scene with strands and a surface, of which one is written because nobody has chosen.
-std::string other_warning(const Shot& shot, const std::string& output, bool strands) {
+std::optional<Problem> other_warning(const Shot& shot, const std::string& output, bool strands) {
     const auto made = [&](MarramOutputKind kind) {
         const auto found =
             std::ranges::find_if(shot.geometry.procedurals, [&](const auto& p) { return p->kind() == kind; });
         return found == shot.geometry.procedurals.end() ? std::string() : (*found)->name();
     };
     const std::string surface = made(MARRAM_MESH), curves = made(MARRAM_CURVES);
-    if (surface.empty() || curves.empty()) return "";
-    return fmt::format("{}: has {}: choose with --what terrain or --what strands", output,
-                       strands
-                           ? fmt::format("the strands, not the surface of '{}'", surface)
-                           : fmt::format("the surface of '{}', not the strands of '{}'", surface, curves));
+    if (surface.empty() || curves.empty()) return std::nullopt;
+    return Problem{{output},
+                   strands ? fmt::format("has the strands, not the surface of '{}'", surface)
+                           : fmt::format("has the surface of '{}', not the strands of '{}'", surface, curves),
+                   "choose with --what terrain or --what strands",
+                   "bake.other"};
 }
 
 } // namespace
@@ -160,33 +161,34 @@ const MeshGeometry& mesh_of_heights(const World& world, const std::string& file)
 
 namespace {
 
-std::vector<std::string> write_baked_grids(const World& world, const BakeSettings& settings,
-                                           const std::string& output) {
+std::vector<Problem> write_baked_grids(const World& world, const BakeSettings& settings,
+                                       const std::string& output) {
     const MeshGeometry& mesh = mesh_of_heights(world, output);
     const size_t clamped = write_grids(output, mesh, settings.range);
     if (clamped == 0) return {};
     const Vec2d heights = height_range(mesh);
-    return {fmt::format(
-        "{}: {} of {} heights are outside the range and are clamped, they are {:.6g} to {:.6g} m: give "
-        "--range {:g},{:g}",
-        output, clamped, mesh.grids[0].values.size(), heights.x(), heights.y(), std::floor(heights.x()),
-        std::ceil(heights.y()))};
+    return {
+        {{output},
+         fmt::format("{} of {} heights are outside the range and are clamped, they are {:.6g} to {:.6g} m",
+                     clamped, mesh.grids[0].values.size(), heights.x(), heights.y()),
+         fmt::format("give --range {:g},{:g}", std::floor(heights.x()), std::ceil(heights.y())),
+         "bake.range"}};
 }
 
 } // namespace
 
-std::vector<std::string> write_baked(const Shot& shot, const World& world, const BakeSettings& settings,
-                                     const std::string& output) {
+std::vector<Problem> write_baked(const Shot& shot, const World& world, const BakeSettings& settings,
+                                 const std::string& output) {
     const std::string extension = extension_of(settings.output);
     const bool prefers_strands =
         holds_both(extension)
             ? makes_strands(shot) && (extension == ".obj" || meshes_with_grids(world).empty())
             : holds_strands(extension);
     const bool strands = settings.what.empty() ? prefers_strands : settings.what == "strands";
-    std::vector<std::string> warnings;
+    std::vector<Problem> warnings;
     if (settings.what.empty() && holds_both(extension))
-        if (std::string warning = other_warning(shot, settings.output, strands); !warning.empty())
-            warnings.push_back(std::move(warning));
+        if (std::optional<Problem> warning = other_warning(shot, settings.output, strands))
+            warnings.push_back(*std::move(warning));
     if (strands) {
         write_curves(output, world.curves, world.frame, shot.description.globals.number("fps"));
         return warnings;

@@ -46,8 +46,8 @@ const MeshGeometry& mesh_of_heights(const World& world, const std::string& file)
 // surface, or if the file cannot be written. settings.what decides between strands and a surface where a
 // format holds both. Returns warnings: that the scene has the other as well, and heights outside
 // settings.range.
-std::vector<std::string> write_baked(const Shot& shot, const World& world, const BakeSettings& settings,
-                                     const std::string& file);
+std::vector<Problem> write_baked(const Shot& shot, const World& world, const BakeSettings& settings,
+                                 const std::string& file);
 
 // file: settings.colliders with the number of the frame; "" writes nothing.
 void write_colliders(const World& world, const std::string& file, double fps);

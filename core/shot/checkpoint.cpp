@@ -2,7 +2,6 @@
 #include "core/shot/checkpoint.h"
 
 #include "core/math/clock.h"
-#include "core/math/problem.h"
 
 #include <algorithm>
 #include <utility>
@@ -19,15 +18,15 @@ void Checkpoint::save_if_due() {
     if (now + pass < next_) return;
     try {
         save_();
-        fault_.clear();
+        fault_.reset();
     } catch (const InputError& error) {
-        fault_ = to_string(error.problems.front());
+        fault_ = error.problems.front();
     }
     called_ = clock_();
     const double cost = called_ - now;
     next_ = now + std::max(seconds_, 2.0 * cost); // the state is of `now`
 }
 
-std::string Checkpoint::take_fault() { return std::exchange(fault_, ""); }
+std::optional<Problem> Checkpoint::take_fault() { return std::exchange(fault_, std::nullopt); }
 
 } // namespace marram

@@ -2,7 +2,10 @@
 // Saves a frame's state every so often while it is traced, so that a run that is killed loses little.
 #pragma once
 
+#include "core/math/problem.h"
+
 #include <functional>
+#include <optional>
 #include <string>
 
 namespace marram {
@@ -18,15 +21,15 @@ class Checkpoint {
     // is tried again when the next is due: the frame itself goes on.
     void save_if_due();
 
-    // Why the last save has failed, one line; "" if it has not, or if it was taken.
-    std::string take_fault();
+    // Why the last save has failed; nothing if it has not, or if it was taken.
+    std::optional<Problem> take_fault();
 
   private:
     double seconds_;
     std::function<void()> save_;
     std::function<double()> clock_;
     double called_, next_; // times of the last call, and when the state will be too old
-    std::string fault_;
+    std::optional<Problem> fault_;
 };
 
 } // namespace marram

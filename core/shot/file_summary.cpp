@@ -17,14 +17,14 @@ namespace marram {
 namespace {
 
 std::string mesh_text(const std::string& path) {
-    std::vector<std::string> warnings;
+    std::vector<Problem> warnings;
     const Mesh mesh = load_mesh(path, {.smooth = false, .warnings = &warnings});
     Eigen::AlignedBox3f box;
     for (const Vec3f& position : mesh.positions) box.extend(position);
     std::string text = fmt::format(
         "mesh: {} vertices, {} triangles, {}, {}\nbounds: {}\n", mesh.positions.size(), mesh.triangles.size(),
         mesh.uvs.empty() ? "no uvs" : "uvs", mesh.normals.empty() ? "no normals" : "normals", box_text(box));
-    for (const std::string& warning : warnings) text += fmt::format("note: {}\n", warning);
+    for (const Problem& warning : warnings) text += fmt::format("note: {}\n", to_string(warning));
     return text;
 }
 

@@ -56,12 +56,13 @@ void warn_far_target(Frame& frame) {
     const double target = (scene.camera.vec3("target") - scene.camera.vec3("position")).norm(),
                  strands = median_distance(scene, frame.files.frame, frame.stats.build.patch_bounds);
     if (strands < 0.5 * target)
-        frame.stats.build.warnings.push_back(fmt::format(
-            "{}: tolerance_pixels holds at camera.target, {:.3g} m away; half of the strands in view are "
-            "nearer than "
-            "{:.3g} m, where it is {:.2g} times as many pixels: put the target among them, or give tolerance "
-            "in metres",
-            to_string(scene.globals.at("tolerance_pixels").place), target, strands, target / strands));
+        frame.stats.build.warnings.push_back(
+            {scene.globals.at("tolerance_pixels").place,
+             fmt::format(
+                 "tolerance_pixels holds at camera.target, {:.3g} m away; half of the strands in view "
+                 "are nearer than {:.3g} m, where it is {:.2g} times as many pixels",
+                 target, strands, target / strands),
+             "put the target among them, or give tolerance in metres", "camera.far_target"});
 }
 
 // What is rendered of a frame.
@@ -298,10 +299,9 @@ ResumedFrame resume_frame(Frame& frame) {
     if (!frame.options.resume || !fs::exists(files.state, error)) return {};
     const std::string reason = load_state(files.state, files.samples_digest, frame.files.part, frame.film);
     if (!reason.empty())
-        return {fmt::format("{}: {}: the frame is rendered from the start", files.state, reason), true};
-    return {
-        fmt::format("{}: resumed at {:.4g} samples per pixel", files.picture, count_samples(frame.film).mean),
-        false};
+        return {Problem{{files.state}, reason, "the frame is rendered from the start", "state.refused"}, ""};
+    return {std::nullopt, fmt::format("{}: resumed at {:.4g} samples per pixel", files.picture,
+                                      count_samples(frame.film).mean)};
 }
 
 void trace_frame(Frame& frame, const World& world, Preview& preview) {
@@ -325,9 +325,12 @@ void trace_frame(Frame& frame, const World& world, Preview& preview) {
     const Camera camera = camera_at(frame.shot.description, frame.files.frame, &off);
     frame.stats.camera_poses = uint32_t(camera.poses.size());
     if (off > 1.0)
-        frame.stats.build.warnings.push_back(fmt::format(
-            "the camera turns so fast that {} poses are off by {:.3g} pixels: shorten camera.shutter",
-            camera.poses.size(), off));
+        frame.stats.build.warnings.push_back(
+            {{},
+             fmt::format("the camera turns so fast that {} poses are off by {:.3g} pixels",
+                         camera.poses.size(), off),
+             "shorten camera.shutter",
+             "camera.motion"});
     frame.stats.render =
         render(world, lights, frame.shot.materials, camera, frame.settings, frame.film, &progress.render);
     add_lazy_stats(world, frame.stats.build);
@@ -343,28 +346,31 @@ void save_preview(Frame& frame) {
     save(frame, frame.files.preview, metadata);
 }
 
-std::vector<std::string> render_warnings(const Frame& frame) {
-    const std::string& picture = frame.files.picture;
+std::vector<Problem> render_warnings(const Frame& frame) {
+    const Place picture{frame.files.picture};
     const RenderStats& render = frame.stats.render;
-    std::vector<std::string> warnings;
+    std::vector<Problem> warnings;
     if (render.out_of_time)
-        warnings.push_back(
-            fmt::format("{}: time was up after {} of {} samples a pixel: give more --seconds for less noise, "
-                        "or go on with --resume",
-                        picture, render.max_samples, frame.settings.samples));
+        warnings.push_back({picture,
+                            fmt::format("time was up after {} of {} samples a pixel", render.max_samples,
+                                        frame.settings.samples),
+                            "give more --seconds for less noise, or go on with --resume",
+                            "frame.out_of_time"});
     warnings.insert(warnings.end(), frame.stats.build.warnings.begin(), frame.stats.build.warnings.end());
     constexpr double dark = 0.05; // share of the light whose loss is visible
     const int depth = frame.shot.description.film.integer("max_depth");
     if (depth > 1 && render.cut_throughput > dark) // 0 and 1 are deliberate choices
         warnings.push_back(
-            fmt::format("{}: film.max_depth = {} ends paths that carry up to {:.2g} % of the light, the "
-                        "picture is too dark: raise film.max_depth",
-                        picture, depth, 100.0 * render.cut_throughput));
+            {picture,
+             fmt::format("film.max_depth = {} ends paths that carry up to {:.2g} % of the light, the "
+                         "picture is too dark",
+                         depth, 100.0 * render.cut_throughput),
+             "raise film.max_depth", "film.dark"});
     if (render.nonfinite_samples > 0)
-        warnings.push_back(
-            fmt::format("{}: {} samples were discarded because their radiance was not finite: look for huge "
-                        "values in lights and materials",
-                        picture, render.nonfinite_samples));
+        warnings.push_back({picture,
+                            fmt::format("{} samples were discarded because their radiance was not finite",
+                                        render.nonfinite_samples),
+                            "look for huge values in lights and materials", "film.not_finite"});
     return warnings;
 }
 
@@ -392,7 +398,7 @@ SavedFrame save_frame(Frame& frame) {
         try {
             save_film(frame, saved.whole);
         } catch (const InputError& error) { // reported separately: the picture may still be saved
-            saved.state_error = error.what();
+            saved.state_error = error.problems.front();
         }
     };
     if (is_part) {
@@ -408,7 +414,7 @@ SavedFrame save_frame(Frame& frame) {
         write_picture();
     } catch (const InputError& error) {
         write_state();
-        if (!saved.state_error.empty()) throw;
+        if (saved.state_error) throw;
         std::vector<Problem> problems = error.problems;
         Problem& kept = problems.emplace_back();
         kept.place.file = files.state;

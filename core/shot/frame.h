@@ -113,8 +113,8 @@ World build_frame(Frame& frame, KeptGeometry kept);
 
 // Fills the film from the state that an earlier run has saved of this frame, if options.resume is set.
 struct ResumedFrame {
-    std::string message;  // one line; "" if there is no state
-    bool refused = false; // the state cannot be used: the frame starts from the beginning
+    std::optional<Problem> refused; // why the state cannot be used: the frame starts from the beginning
+    std::string message;            // one line about a state that is used
 };
 ResumedFrame resume_frame(Frame& frame);
 
@@ -128,12 +128,12 @@ void save_checkpoint(const Frame& frame);
 void save_preview(Frame& frame);
 
 // Warnings about a traced frame, including those of the build.
-std::vector<std::string> render_warnings(const Frame& frame);
+std::vector<Problem> render_warnings(const Frame& frame);
 
 struct SavedFrame {
-    std::vector<std::string> layers; // pictures of layers
-    std::string picture;             // its file name, or that of the part's state
-    std::string state_error;         // why the film's state could not be saved; "": saved, or not needed
+    std::vector<std::string> layers;    // pictures of layers
+    std::string picture;                // its file name, or that of the part's state
+    std::optional<Problem> state_error; // why the film's state could not be saved
     bool whole = false;
 };
 

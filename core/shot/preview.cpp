@@ -2,7 +2,6 @@
 #include "core/shot/preview.h"
 
 #include "core/math/clock.h"
-#include "core/math/problem.h"
 
 #include <algorithm>
 
@@ -29,12 +28,12 @@ void Preview::show_if_due() {
 void Preview::finish() { write(); }
 
 void Preview::write() {
-    if (!write_ || !fault_.empty()) return;
+    if (!write_ || fault_) return;
     const double before = wall_seconds();
     try {
         write_();
     } catch (const InputError& error) {
-        fault_ = to_string(error.problems.front());
+        fault_ = error.problems.front();
     }
     const double now = wall_seconds();
     next_ = now + preview_pause(now - before, now - begin_);

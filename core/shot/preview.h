@@ -2,7 +2,10 @@
 // Decides when a preview of the frame is written during rendering.
 #pragma once
 
+#include "core/math/problem.h"
+
 #include <functional>
+#include <optional>
 #include <string>
 
 namespace marram {
@@ -15,10 +18,10 @@ double preview_pause(double cost, double elapsed);
 // more are attempted: the frame itself goes on.
 class Preview {
   public:
-    explicit Preview(std::function<void()> write);      // empty function: no previews
-    void show_if_due();                                 // writes a preview if it is due
-    void finish();                                      // writes the finished frame
-    const std::string& fault() const { return fault_; } // why writing failed, one line; "": no failure
+    explicit Preview(std::function<void()> write);                 // empty function: no previews
+    void show_if_due();                                            // writes a preview if it is due
+    void finish();                                                 // writes the finished frame
+    const std::optional<Problem>& fault() const { return fault_; } // why writing failed
 
   private:
     void write();
@@ -26,7 +29,7 @@ class Preview {
     std::function<void()> write_;
     double begin_;
     double next_ = 0.0; // time of the next preview, on the clock of wall_seconds()
-    std::string fault_;
+    std::optional<Problem> fault_;
 };
 
 } // namespace marram

@@ -77,7 +77,7 @@ void attach_mesh_light(SceneMesh& mesh, const std::vector<Item>& lights, size_t 
 }
 
 // A light and, of daylight, its sun.
-std::vector<LightDescription> make_light(const Item& item, std::vector<std::string>& warnings) {
+std::vector<LightDescription> make_light(const Item& item, std::vector<Problem>& warnings) {
     const auto type = std::ranges::find(light_types(), item.type, &LightType::name);
     std::vector<LightDescription> suns, parts;
     parts.push_back(type->make(item.params, light_image_reader(warnings), suns));
@@ -123,7 +123,7 @@ void resolve_blends(const std::vector<Item>& items, std::vector<Material>& mater
 }
 
 // Valid, but more likely a mistake of units: rays do not hit it.
-void warn_of_size(const SceneMesh& mesh, const Item& item, double frame, std::vector<std::string>& warnings) {
+void warn_of_size(const SceneMesh& mesh, const Item& item, double frame, std::vector<Problem>& warnings) {
     constexpr double smallest = 1e-6; // m
     Eigen::AlignedBox3d box;
     const Eigen::Affine3d placed = mesh.transform.at(frame);
@@ -132,9 +132,9 @@ void warn_of_size(const SceneMesh& mesh, const Item& item, double frame, std::ve
         if (box.sizes().maxCoeff() >= smallest) return; // after the second vertex, as a rule
     }
     if (!box.isEmpty())
-        warnings.push_back(
-            fmt::format("{}: mesh \"{}\" is {:.3g} m large: check its units, or give it a scale",
-                        to_string(item.place), mesh.name, box.sizes().maxCoeff()));
+        warnings.push_back({item.place,
+                            fmt::format("mesh \"{}\" is {:.3g} m large", mesh.name, box.sizes().maxCoeff()),
+                            "check its units, or give it a scale", "mesh.tiny"});
 }
 
 void load_meshes(Shot& shot, const std::atomic<bool>& cancel, ProblemCollector& collect_problems) {
@@ -210,7 +210,7 @@ void gather_lights(Shot& shot) {
 void set_keyed_lights(Shot& shot, double frame) {
     const std::vector<Item>& items = shot.description.lights;
     if (std::ranges::none_of(items, is_keyed)) return;
-    std::vector<std::string> said;
+    std::vector<Problem> said;
     for (size_t i = 0; i < items.size(); ++i)
         if (is_keyed(items[i])) shot.light_parts[i] = make_light(item_at(items[i], frame), said);
     gather_lights(shot);
@@ -322,7 +322,7 @@ Shot load_shot(const std::string& file, const Overrides& overrides, const std::a
         collect_problems([&] { resolve_blends(description.materials, shot.materials); });
     for (const Item& item : description.lights)
         collect_problems([&] {
-            std::vector<std::string> said;
+            std::vector<Problem> said;
             shot.light_parts.push_back(make_light(item, shot.light_warnings.emplace_back()));
             check_keys(item, [&](const Item& at_key) { make_light(at_key, said); });
         });
@@ -358,24 +358,25 @@ Shot load_shot(const std::string& file, const Overrides& overrides, const std::a
     return shot;
 }
 
-std::vector<std::string> warnings_of(const Shot& shot) {
-    std::vector<std::string> all = shot.geometry_warnings;
+std::vector<Problem> warnings_of(const Shot& shot) {
+    std::vector<Problem> all = shot.geometry_warnings;
     for (const auto& procedural : shot.geometry.procedurals)
         std::ranges::copy(procedural->file_warnings(), std::back_inserter(all));
     if (has_shadow_catcher(shot) && infinite_lights(shot).seen > 0)
-        all.push_back(
-            fmt::format("{}: a mesh is a shadow catcher, but the camera sees the sky, which adds its light "
-                        "to the background: add seen_by_camera = false to the lights",
-                        shot.description.file));
+        all.push_back({{shot.description.file},
+                       "a mesh is a shadow catcher, but the camera sees the sky, which adds its light to the "
+                       "background",
+                       "add seen_by_camera = false to the lights",
+                       "light.behind_catcher"});
     return all;
 }
 
-std::vector<std::string> light_warnings_of(const Shot& shot) {
-    std::vector<std::string> all;
+std::vector<Problem> light_warnings_of(const Shot& shot) {
+    std::vector<Problem> all;
     for (const auto& warnings : shot.light_warnings) std::ranges::copy(warnings, std::back_inserter(all));
     if (shot.light_parts.empty())
         all.push_back(
-            fmt::format("{}: the scene has no light: it is lit by a plain sky", shot.description.file));
+            {{shot.description.file}, "the scene has no light: it is lit by a plain sky", "", "light.none"});
     return all;
 }
 
@@ -444,7 +445,7 @@ bool update_shot(Shot& shot, SceneDescription changed) {
             auto& warnings = now.light_warnings.emplace_back();
             if (same) warnings = shot.light_warnings[i];
             now.light_parts.push_back(same ? shot.light_parts[i] : make_light(item, warnings));
-            std::vector<std::string> said;
+            std::vector<Problem> said;
             if (!same) check_keys(item, [&](const Item& at) { make_light(at, said); });
         });
     GeometryChanges changes;

@@ -41,14 +41,14 @@ struct Shot {
     std::vector<Material> materials;
     std::vector<LightDescription> lights;
     std::vector<std::vector<LightDescription>> light_parts; // [light of the description]: itself, its sun
-    std::vector<std::string> geometry_warnings;             // of meshes and curves, one line each
-    std::vector<std::vector<std::string>> light_warnings;   // [light of the description]
+    std::vector<Problem> geometry_warnings;                 // of meshes and curves
+    std::vector<std::vector<Problem>> light_warnings;       // [light of the description]
     std::string state_folder;                               // where simulations keep their states
 };
 
 // What its files and values are warned of now, one line each. Lights apart: only pictures depend on them.
-std::vector<std::string> warnings_of(const Shot& shot);
-std::vector<std::string> light_warnings_of(const Shot& shot);
+std::vector<Problem> warnings_of(const Shot& shot);
+std::vector<Problem> light_warnings_of(const Shot& shot);
 
 // Options of the command line that override the scene.
 struct Overrides {

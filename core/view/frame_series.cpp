@@ -112,7 +112,7 @@ void FrameSeries::work(Shot& shot, KeptGeometry& kept, int threads, const std::f
     }
     std::swap(shot.description.camera, camera_);
     if (stats_.render.cancelled) return;
-    for (std::string& warning : render_warnings(*frame_)) warnings_.insert(std::move(warning));
+    for (const Problem& warning : render_warnings(*frame_)) warnings_.insert(to_string(warning));
     save_frame(*frame_);
     frame_saved_ = true;
     ++next_;

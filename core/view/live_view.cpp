@@ -168,9 +168,9 @@ json LiveView::scene_message() {
     const Shot& shot = *scene_.shot();
     const ParamSet& globals = shot.description.globals;
     const Vec2d frames = globals.vec2("frames");
-    std::vector<std::string> warnings = warnings_of(shot);
-    std::ranges::move(light_warnings_of(shot), std::back_inserter(warnings));
-    std::ranges::copy(build_warnings_, std::back_inserter(warnings));
+    std::vector<std::string> warnings;
+    for (const auto& some : {warnings_of(shot), light_warnings_of(shot), build_warnings_})
+        for (const Problem& warning : some) warnings.push_back(to_string(warning));
     std::vector<std::string> layers;
     for (const BuiltInLayer& layer : built_in_layers()) layers.emplace_back(layer.name);
     json changes = json::array();

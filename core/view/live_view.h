@@ -92,7 +92,7 @@ class LiveView {
     nlohmann::json problems_; // the message about both
     nlohmann::json bounds_;   // of the scene's first frame
     bool bounds_are_due_ = true;
-    std::vector<std::string> build_warnings_;
+    std::vector<Problem> build_warnings_;
     uint64_t all_strands_ = 0; // of the last frame, shown or not
     uint64_t last_selection_ = 0;
     double next_file_check_ = 0.0; // wall clock

@@ -165,19 +165,19 @@ namespace {
 
 // Warnings that all procedurals that make curves have sent.
 void take_common_warnings(Build& build) {
-    std::vector<std::string> common;
+    std::vector<Problem> common;
     bool first = true;
     for (const auto& procedural : build.geometry.procedurals) {
         if (procedural->kind() != MARRAM_CURVES) continue;
-        const std::vector<std::string> sent = procedural->take_common_warnings();
+        const std::vector<Problem> sent = procedural->take_common_warnings();
         if (std::exchange(first, false))
             common = sent;
         else
-            std::erase_if(common, [&](const std::string& warning) {
+            std::erase_if(common, [&](const Problem& warning) {
                 return std::ranges::find(sent, warning) == sent.end();
             });
     }
-    for (std::string& warning : common)
+    for (Problem& warning : common)
         if (std::ranges::find(build.stats.warnings, warning) == build.stats.warnings.end())
             build.stats.warnings.push_back(std::move(warning));
 }

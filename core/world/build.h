@@ -13,6 +13,7 @@
 #include "core/geometry/world.h"
 #include "core/host/plugin_host.h"
 #include "core/host/report.h"
+#include "core/math/problem.h"
 #include "core/world/kept_geometry.h"
 
 #include <atomic>
@@ -98,7 +99,7 @@ struct BuildStats {
     uint64_t curve_bytes = 0;         // vertices, normals, indices, primitives of parts
     uint64_t attribute_bytes = 0;     // of curves
     uint64_t volume_bytes = 0;        // of velocities, all files of sequences
-    std::vector<std::string> warnings;
+    std::vector<Problem> warnings;
     std::vector<Box3f> patch_bounds; // as declared by the procedurals, in curve order
 };
 

@@ -459,10 +459,12 @@ uint32_t choose_keys(Build& build, Procedural& procedural) {
     build.stats.motion_jumps = std::max(build.stats.motion_jumps, motion.jump_fraction(settings.tolerance));
     build.stats.chosen[procedural.name() + ".motion_keys"] = keys;
     if (residual_error > settings.tolerance)
-        build.stats.warnings.push_back(fmt::format(
-            "{}: strands move so fast that {} motion keys are off by {:.3g} m, the tolerance is {:.3g} m: "
-            "shorten camera.shutter, or give more tolerance",
-            procedural.name(), keys, residual_error, settings.tolerance));
+        build.stats.warnings.push_back(
+            {procedural.place(),
+             fmt::format("the strands of '{}' move so fast that {} motion keys are off by {:.3g} m, the "
+                         "tolerance is {:.3g} m",
+                         procedural.name(), keys, residual_error, settings.tolerance),
+             "shorten camera.shutter, or give more tolerance", "curves.motion"});
     return keys;
 }
 

@@ -67,16 +67,24 @@ MeshGeometry place_mesh(Build& build, const SceneMesh& mesh) {
         build.stats.motion_keys = std::max(build.stats.motion_keys, keys);
         if (build.chooses_keys()) build.stats.chosen[mesh.name + ".motion_keys"] = keys;
         if (build.chooses_keys() && error > settings.tolerance)
-            build.stats.warnings.push_back(fmt::format(
-                "{}: moves so fast that {} motion keys are off by {:.3g} m, the tolerance is {:.3g} m: "
-                "shorten camera.shutter, or give more tolerance",
-                mesh.name, keys, error, settings.tolerance));
+            build.stats.warnings.push_back(
+                {{},
+                 fmt::format("mesh '{}' moves so fast that {} motion keys are off by {:.3g} m, the tolerance "
+                             "is {:.3g} m",
+                             mesh.name, keys, error, settings.tolerance),
+                 "shorten camera.shutter, or give more tolerance",
+                 "mesh.motion"});
     }
     const auto outward = [&](double frame) { return mesh.to_world(frame).linear().determinant() > 0.0; };
     if (moves && outward(open) != outward(close))
-        build.stats.warnings.push_back(mesh.name +
-                                       ": its scale changes sign while the shutter is open: normals and "
-                                       "emission are those at the frame; keep the signs of its scale");
+        build.stats.warnings.push_back(
+            {{},
+             fmt::format(
+                 "the scale of mesh '{}' changes sign while the shutter is open: normals and emission "
+                 "are those at the frame",
+                 mesh.name),
+             "keep the signs of its scale",
+             "mesh.mirrored"});
     MeshGeometry placed = place_mesh(mesh, moves ? build.times(keys) : std::vector{open}, settings.frame);
     placed.topology = topology_of(placed);
     placed.digest = digest;

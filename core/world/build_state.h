@@ -82,8 +82,8 @@ void prepare(Build& build, Procedural& procedural, const MarramFrame& frame);
 
 // Moves a procedural's warnings to the build's statistics.
 inline void take_warnings(BuildStats& stats, Procedural& procedural) {
-    std::vector<std::string>& warnings = stats.warnings;
-    for (std::string& warning : procedural.take_warnings()) // grooms that share a wind share its warnings
+    std::vector<Problem>& warnings = stats.warnings;
+    for (Problem& warning : procedural.take_warnings()) // grooms that share a wind share its warnings
         if (std::ranges::find(warnings, warning) == warnings.end()) warnings.push_back(std::move(warning));
 }
 

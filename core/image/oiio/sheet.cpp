@@ -169,8 +169,8 @@ void draw_caption(OIIO::ImageBuf& sheet, const std::string& text, const Cell& ce
 
 } // namespace
 
-std::string write_sheet(const std::string& output, const std::vector<SheetPicture>& pictures,
-                        const SheetLayout& layout, const std::function<void(size_t)>& at) {
+bool write_sheet(const std::string& output, const std::vector<SheetPicture>& pictures,
+                 const SheetLayout& layout, const std::function<void(size_t)>& at) {
     const int count = int(pictures.size());
     const int columns =
         std::min(count, layout.columns > 0 ? layout.columns : int(std::ceil(std::sqrt(double(count)))));
@@ -203,10 +203,7 @@ std::string write_sheet(const std::string& output, const std::vector<SheetPictur
                      caption);
     }
     write_png(output, grid.width, grid.height, 3, static_cast<const float*>(sheet.localpixels()), 0.0);
-    return wanted && caption.font.empty() ? output + ": no font was found, so that there are no captions: "
-                                                     "install fonts-dejavu-core, or name a "
-                                                     "file with --font"
-                                          : "";
+    return !wanted || !caption.font.empty();
 }
 
 } // namespace marram

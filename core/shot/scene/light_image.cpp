@@ -10,7 +10,7 @@
 namespace marram {
 namespace {
 
-LightImage read(const ParamValue& file, double strength, std::vector<std::string>& warnings) {
+LightImage read(const ParamValue& file, double strength, std::vector<Problem>& warnings) {
     const Image image = read_image(file.text);
     if (image.width / 2 != image.height && (image.width + 1) / 2 != image.height)
         throw InputError(file.place,
@@ -31,8 +31,10 @@ LightImage read(const ParamValue& file, double strength, std::vector<std::string
         brightest = std::max(brightest, pixels.back().maxCoeff());
     }
     if (negative > 0)
-        warnings.push_back(fmt::format("{}: \"{}\" has {} pixels that are below 0: they give no light",
-                                       to_string(file.place), file.text, negative));
+        warnings.push_back(
+            {file.place,
+             fmt::format("\"{}\" has {} pixels that are below 0: they give no light", file.text, negative),
+             "", "light.negative"});
     constexpr float most = 1e15F; // its square does not overflow a float
     if (!(brightest * float(strength) <= most))
         throw InputError(file.place,
@@ -44,7 +46,7 @@ LightImage read(const ParamValue& file, double strength, std::vector<std::string
 
 } // namespace
 
-LightImageReader light_image_reader(std::vector<std::string>& warnings) {
+LightImageReader light_image_reader(std::vector<Problem>& warnings) {
     return [&warnings](const ParamValue& file, double strength) { return read(file, strength, warnings); };
 }
 

@@ -2,6 +2,7 @@
 // Images of environment lights.
 #pragma once
 
+#include "core/math/problem.h"
 #include "core/render/lights/light_type.h"
 
 #include <string>
@@ -10,6 +11,6 @@
 namespace marram {
 
 // The reader of images for light_types(). It adds to `warnings`.
-LightImageReader light_image_reader(std::vector<std::string>& warnings);
+LightImageReader light_image_reader(std::vector<Problem>& warnings);
 
 } // namespace marram

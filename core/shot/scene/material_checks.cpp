@@ -33,7 +33,7 @@ std::vector<size_t> blended_materials(const Shot& shot, size_t material) {
 }
 
 // Errors and warnings for a material on a mesh.
-void check_on_mesh(const Item& material, const MaterialUse& use, std::vector<std::string>& warnings) {
+void check_on_mesh(const Item& material, const MaterialUse& use, std::vector<Problem>& warnings) {
     const auto shader = std::ranges::find(shaders(), material.type, &ShaderDescription::name);
     if (shader->strands_only)
         throw InputError(use.item.params.at("material").place,
@@ -42,8 +42,10 @@ void check_on_mesh(const Item& material, const MaterialUse& use, std::vector<std
                          "give it another material, such as one of type surface");
     if (material.type == "sand" && use.moves)
         warnings.push_back(
-            fmt::format("{}: '{}' moves: its sand's ripples and glints stay where they are in the world",
-                        to_string(use.item.place), use.item.name));
+            {use.item.place,
+             fmt::format("'{}' moves: its sand's ripples and glints stay where they are in the world",
+                         use.item.name),
+             "", "material.moving_sand"});
 }
 
 bool is_black(const Material& material) {
@@ -51,7 +53,7 @@ bool is_black(const Material& material) {
 }
 
 // A line for a shadow catcher whose material reflects nothing: a shadow is a share of what it reflects.
-void check_catcher(const Shot& shot, size_t mesh, std::vector<std::string>& warnings) {
+void check_catcher(const Shot& shot, size_t mesh, std::vector<Problem>& warnings) {
     const SceneMesh& catcher = shot.geometry.meshes[mesh];
     if (!catcher.shadow_catcher || catcher.material < 0) return;
     for (const size_t part : blended_materials(shot, size_t(catcher.material)))
@@ -59,8 +61,9 @@ void check_catcher(const Shot& shot, size_t mesh, std::vector<std::string>& warn
             !std::holds_alternative<BlendSettings>(material.settings) && !is_black(material))
             return;
     const Item& item = shot.description.materials[size_t(catcher.material)];
-    warnings.push_back(fmt::format("{}: '{}' reflects nothing, so '{}' catches no shadow: give it a color",
-                                   to_string(item.place), item.name, catcher.name));
+    warnings.push_back(
+        {item.place, fmt::format("'{}' reflects nothing, so '{}' catches no shadow", item.name, catcher.name),
+         "give it a color", "material.black_catcher"});
 }
 
 // The attributes that a material reads, as pairs of parameter and attribute name.
@@ -131,8 +134,8 @@ void check_root_uv(const Shot& shot, const Item& material, const MaterialUse& us
 
 } // namespace
 
-std::vector<std::string> check_materials(const Shot& shot) {
-    std::vector<std::string> warnings;
+std::vector<Problem> check_materials(const Shot& shot) {
+    std::vector<Problem> warnings;
     const std::vector<Item>& materials = shot.description.materials;
     // A tinted material may also be on meshes, which have no attributes, if it is on some procedural, too.
     std::vector<bool> on_procedural(materials.size());
@@ -237,38 +240,40 @@ std::string tile_name(const UvSquare& square) {
                                       : fmt::format("uv ({}, {})", u, v);
 }
 
-// A line if an image lacks tiles that are used, or is a single tile that repeats over others, unless
-// map_scale asks for that; else "".
-std::string tile_warning(const Item& material, const ParamValue& image, const std::set<UvSquare>& squares,
-                         const std::string& geometry) {
-    const std::string begin = fmt::format("{}: \"{}\"", to_string(image.place), image.text);
+// A warning if an image lacks tiles that are used, or is a single tile that repeats over others, unless
+// map_scale asks for that.
+std::optional<Problem> tile_warning(const Item& material, const ParamValue& image,
+                                    const std::set<UvSquare>& squares, const std::string& geometry) {
     if (!has_udim(image.text)) {
         const std::string pattern = udim_pattern(image.text);
         const bool alone = squares.empty() || (squares.size() == 1 && squares.contains({0, 0}));
         const bool repeats_as_told =
             material.params.text("map_wrap") != "auto" || material.params.vec2("map_scale") != Vec2d::Ones();
-        if (pattern.empty() || alone || repeats_as_told) return "";
-        return fmt::format("{} is named as one tile, and repeats over the other squares of the uv of '{}': "
-                           "write \"{}\" for all "
-                           "tiles, or map_wrap = \"repeat\"",
-                           begin, geometry, pattern);
+        if (pattern.empty() || alone || repeats_as_told) return std::nullopt;
+        return Problem{
+            image.place,
+            fmt::format("\"{}\" is named as one tile, and repeats over the other squares of the uv of '{}'",
+                        image.text, geometry),
+            fmt::format("write \"{}\" for all tiles, or map_wrap = \"repeat\"", pattern), "image.one_tile"};
     }
     std::set<UvSquare> there;
     for (const UdimTile& tile : udim_tiles(image.text)) there.emplace(tile.u, tile.v);
     std::vector<std::string> missing;
     for (const UvSquare& square : squares)
         if (!there.contains(square) && missing.size() < 10) missing.push_back(tile_name(square));
-    if (missing.empty()) return "";
-    return fmt::format(
-        "{} has no tile {}, which '{}' uses: it is black there: add the file, or move the uvs{}", begin,
-        fmt::join(missing, ", "), geometry,
-        material.params.vec2("map_scale") == Vec2d::Ones() ? "" : " or map_scale");
+    if (missing.empty()) return std::nullopt;
+    return Problem{image.place,
+                   fmt::format("\"{}\" has no tile {}, which '{}' uses: it is black there", image.text,
+                               fmt::join(missing, ", "), geometry),
+                   fmt::format("add the file, or move the uvs{}",
+                               material.params.vec2("map_scale") == Vec2d::Ones() ? "" : " or map_scale"),
+                   "image.missing_tile"};
 }
 
 } // namespace
 
-std::vector<std::string> check_tiles(const Shot& shot, const World& world) {
-    std::vector<std::string> warnings;
+std::vector<Problem> check_tiles(const Shot& shot, const World& world) {
+    std::vector<Problem> warnings;
     for (size_t geometry = 0; geometry < world.meshes.size() + world.curves.size(); ++geometry) {
         const bool is_mesh = geometry < world.meshes.size();
         const auto& [name, index] =
@@ -285,9 +290,9 @@ std::vector<std::string> check_tiles(const Shot& shot, const World& world) {
                 if (!has_udim(image->text) && udim_pattern(image->text).empty()) continue;
                 if (!squares)
                     squares = uv_squares(world, geometry, material.params.vec2("map_scale").cast<float>());
-                std::string warning = tile_warning(material, *image, *squares, name);
-                if (!warning.empty() && std::ranges::find(warnings, warning) == warnings.end())
-                    warnings.push_back(std::move(warning));
+                std::optional<Problem> warning = tile_warning(material, *image, *squares, name);
+                if (warning && std::ranges::find(warnings, *warning) == warnings.end())
+                    warnings.push_back(*std::move(warning));
             }
         }
     }

@@ -8,7 +8,7 @@ namespace marram {
 
 // Throws InputError for a strand shader on a mesh, and for a tint or blend by an attribute that the geometry
 // does not have. Returns warnings: sand on a moving mesh.
-std::vector<std::string> check_materials(const Shot& shot);
+std::vector<Problem> check_materials(const Shot& shot);
 
 // Throws InputError if a strand material has an image, but the mesh that the strands grow on, made by a
 // procedural, has no uvs.
@@ -16,6 +16,6 @@ void check_root_uvs(const Shot& shot, const World& world);
 
 // Warnings about images of materials and the unit squares of uv that meshes and strands use: tiles that an
 // image lacks, and a single tile ("fur.1001.png") that repeats over other squares.
-std::vector<std::string> check_tiles(const Shot& shot, const World& world);
+std::vector<Problem> check_tiles(const Shot& shot, const World& world);
 
 } // namespace marram

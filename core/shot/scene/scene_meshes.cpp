@@ -23,11 +23,11 @@ Vec2f vec2f(const ParamSet& params, std::string_view name) { return params.vec2(
 Vec3f vec3f(const ParamSet& params, std::string_view name) { return params.vec3(name).cast<float>(); }
 
 // Heights from the first channel of an image, resampled to (divisions + 1)^2 if the scene gives divisions.
-Mesh load_heightfield(const ParamSet& params, std::vector<std::string>& warnings) {
+Mesh load_heightfield(const ParamSet& params, std::vector<Problem>& warnings) {
     std::vector<std::string> notes;
     const Image image = read_data_image(params.text("image"), notes);
     for (const std::string& note : notes)
-        warnings.push_back(fmt::format("{}: {}", params.text("image"), note));
+        warnings.push_back({{params.text("image")}, note, "", "image.data"});
     const bool resample = params.has("divisions");
     const int width = resample ? params.integer("divisions") + 1 : image.width;
     const int height = resample ? params.integer("divisions") + 1 : image.height;
@@ -49,7 +49,7 @@ Mesh load_heightfield(const ParamSet& params, std::vector<std::string>& warnings
     return heightfield_mesh(heights, width, height, vec2f(params, "size"), float(params.number("height")));
 }
 
-Mesh built_in_mesh(const Item& item, std::vector<std::string>& warnings) {
+Mesh built_in_mesh(const Item& item, std::vector<Problem>& warnings) {
     const ParamSet& params = item.params;
     if (item.type == "plane") return plane_mesh(vec2f(params, "size"), params.integer("divisions"));
     if (item.type == "box") return box_mesh(vec3f(params, "size"));
@@ -61,31 +61,35 @@ Mesh built_in_mesh(const Item& item, std::vector<std::string>& warnings) {
 
 // One line for triangles that were turned, one for closed parts that are inside out.
 void warn_of_sides(const Item& item, const MeshSides& sides, size_t triangles,
-                   std::vector<std::string>& warnings) {
-    const std::string mesh =
-        fmt::format("{}: mesh \"{}\"", to_string(item.params.at("file").place), item.name);
+                   std::vector<Problem>& warnings) {
+    const Place& place = item.params.at("file").place;
     const auto at = [](const Vec3f& p) {
         return fmt::format("({:.4g}, {:.4g}, {:.4g})", p.x(), p.y(), p.z());
     };
     if (sides.turned > 0)
-        warnings.push_back(fmt::format("{}: {} of {} triangles are wound against their neighbours or their "
-                                       "vertex normals, the first at {} of the "
-                                       "file: they are turned, and strands grow on the side of the majority "
-                                       "of each connected part: make the "
-                                       "winding consistent where the mesh was made",
-                                       mesh, sides.turned, triangles, at(sides.first_turned)));
+        warnings.push_back(
+            {place,
+             fmt::format(
+                 "mesh \"{}\": {} of {} triangles are wound against their neighbours or their vertex "
+                 "normals, the first at {} of the file: they are turned, and strands grow on the side "
+                 "of the majority of each connected part",
+                 item.name, sides.turned, triangles, at(sides.first_turned)),
+             "make the winding consistent where the mesh was made", "mesh.winding"});
     if (sides.inside_out == 0 || item.params.boolean("flip")) return;
     const bool all = sides.inside_out == sides.closed_parts;
     warnings.push_back(
-        fmt::format("{} is inside out: {} (negative volume), so strands grow inwards{}", mesh,
-                    all ? "it is closed and its triangles face inwards"
-                        : fmt::format("the triangles of {} of its {} closed parts face inwards, those of the "
-                                      "first at {} of the file",
-                                      sides.inside_out, sides.closed_parts, at(sides.first_inside_out)),
-                    all ? ": add flip = true to the mesh" : ": turn these parts where the mesh was made"));
+        {place,
+         fmt::format(
+             "mesh \"{}\" is inside out: {} (negative volume), so strands grow inwards", item.name,
+             all ? "it is closed and its triangles face inwards"
+                 : fmt::format("the triangles of {} of its {} closed parts face inwards, those of the "
+                               "first at {} of the file",
+                               sides.inside_out, sides.closed_parts, at(sides.first_inside_out))),
+         all ? "add flip = true to the mesh" : "turn these parts where the mesh was made",
+         "mesh.inside_out"});
 }
 
-Mesh load_mesh_item(const Item& item, std::vector<std::string>& warnings) {
+Mesh load_mesh_item(const Item& item, std::vector<Problem>& warnings) {
     const bool flip = item.params.boolean("flip");
     if (item.type != "file") {
         Mesh mesh = built_in_mesh(item, warnings);
@@ -112,7 +116,7 @@ std::vector<std::pair<double, std::string>> numbered_files(const Item& item) {
     return files;
 }
 
-Mesh load_scene_mesh(const Item& item, std::vector<std::string>& warnings) {
+Mesh load_scene_mesh(const Item& item, std::vector<Problem>& warnings) {
     try {
         return load_mesh_item(item, warnings);
     } catch (const InputError& error) {
@@ -151,13 +155,13 @@ std::vector<float> vertices_of(const StrandSample& sample, const std::vector<uin
 // Warnings about the files of one item, each reported once.
 class FileWarnings {
   public:
-    explicit FileWarnings(std::vector<std::string>& all) : all_(all) {}
+    explicit FileWarnings(std::vector<Problem>& all) : all_(all) {}
     void add(const std::string& file, const std::string& what) {
-        if (reported_.insert(what).second) all_.push_back(fmt::format("{}: {}", file, what));
+        if (reported_.insert(what).second) all_.push_back({{file}, what, "", "curves.file"});
     }
 
   private:
-    std::vector<std::string>& all_;
+    std::vector<Problem>& all_;
     std::set<std::string> reported_;
 };
 
@@ -183,7 +187,7 @@ std::vector<uint64_t> offsets_of(const StrandFile& strands) {
 class StrandSequence {
   public:
     StrandSequence(const Item& item, double fps, const std::atomic<bool>& cancel,
-                   std::vector<std::string>& warnings)
+                   std::vector<Problem>& warnings)
         : files_(numbered_files(item)), cancel_(cancel), warnings_(warnings) {
         const ParamSet& params = item.params;
         reading_ = {fps, params.at("prims").texts,
@@ -288,7 +292,7 @@ void StrandSequence::read(SceneCurves& curves) {
 } // namespace
 
 SceneCurves load_scene_curves(const Item& item, double fps, const std::atomic<bool>& cancel,
-                              std::vector<std::string>& warnings) {
+                              std::vector<Problem>& warnings) {
     SceneCurves curves;
     curves.name = item.name;
     if (item.type == "strands") {

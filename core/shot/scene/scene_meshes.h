@@ -4,6 +4,7 @@
 
 #include "core/geometry/scene_curves.h"
 #include "core/geometry/scene_mesh.h"
+#include "core/math/problem.h"
 #include "core/scene/description.h"
 
 #include <atomic>
@@ -19,12 +20,12 @@ std::vector<std::pair<double, std::string>> numbered_files(const Item& item);
 
 // Throws InputError, with the place of the table if the error is not in a file. Adds one line to `warnings`
 // for each fault of a file that is corrected or may be one, such as holes of heights or sides that disagree.
-Mesh load_scene_mesh(const Item& item, std::vector<std::string>& warnings);
+Mesh load_scene_mesh(const Item& item, std::vector<Problem>& warnings);
 
 // Loads a [[curves]] table. fps: frames per second, for strand files with times. Adds one line to `warnings`
 // for each feature of such files that is ignored. Throws InputError for curves of fewer than 2 points.
 SceneCurves load_scene_curves(const Item& item, double fps, const std::atomic<bool>& cancel,
-                              std::vector<std::string>& warnings);
+                              std::vector<Problem>& warnings);
 
 // All shapes of a deforming mesh; empty for a rigid one. `first` is the mesh of its first file.
 std::vector<MeshShape> load_shapes(const Item& item, const Mesh& first, const std::atomic<bool>& cancel);

@@ -57,7 +57,9 @@ TEST(Log, HasWarningsAndInformation) {
     EXPECT_EQ(warnings[0]["level"], "warning");
     EXPECT_EQ(warnings[0]["file"], scene);
     EXPECT_GT(warnings[0]["line"], 0);
-    EXPECT_CONTAINS(warnings[0]["text"].get<std::string>(), "film.aovs: not written: depth");
+    EXPECT_EQ(warnings[0]["id"], "film.unwritten_layers");
+    EXPECT_EQ(warnings[0]["what"], "film.aovs: not written: depth: a PNG holds the picture alone");
+    EXPECT_CONTAINS(warnings[0]["fix"].get<std::string>(), "write an .exr");
     std::vector<std::string> again = command;
     again.emplace_back("--resume");
     const ProgramResult second = marram(again);
@@ -66,6 +68,24 @@ TEST(Log, HasWarningsAndInformation) {
     EXPECT_EQ(both[1]["level"], "info");
     EXPECT_EQ(both[1]["file"], folder / "a.png");
     EXPECT_EQ(both[1]["text"], folder / "a.png" + ": is there already");
+}
+
+// Their ids, and places apart from their lines; notes, too, which are shown at once.
+TEST(Log, HasWhatProceduralsSay) {
+    const Folder folder;
+    SceneText text;
+    text.wind += "collision = { solver = \"exact\" }\n";
+    text.more = "[[mesh]]\nname = \"house\"\ntype = \"box\"\nsize = [1, 1, 1]\n";
+    const std::string scene = folder.write("a.toml", text);
+    const ProgramResult done = marram({"render", scene, "-o", folder / "a.png", "--log", "json"});
+    const std::vector<nlohmann::json> all = objects(done.err);
+    ASSERT_FALSE(all.empty());
+    for (const nlohmann::json& one : all) {
+        EXPECT_EQ(one["file"], scene) << one;
+        EXPECT_GT(one["line"], 0) << one;
+        EXPECT_NE(one["id"], "") << one;
+        EXPECT_TRUE(one.contains("what")) << one;
+    }
 }
 
 TEST(Log, HasMistakesOfTheCommandLine) {

@@ -149,7 +149,7 @@ TEST(Preview, ThatFailsIsGivenUp) {
     preview.show_if_due();
     preview.finish();
     EXPECT_EQ(written, 1);
-    EXPECT_EQ(preview.fault(), "p.png: could not be written: check the disk");
+    EXPECT_EQ(to_string(preview.fault().value()), "p.png: could not be written: check the disk");
 }
 
 TEST(Preview, TakesAFewPercentOfTheTime) {

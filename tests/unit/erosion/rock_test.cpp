@@ -165,8 +165,9 @@ TEST(Rock, IsErodedAnewWhereItsMeshHasMoved) {
 }
 
 bool warns(const TestScene& scene, const std::string& what) {
-    return std::ranges::any_of(scene.stats.warnings,
-                               [&](const std::string& text) { return text.find(what) != std::string::npos; });
+    return std::ranges::any_of(scene.stats.warnings, [&](const Problem& warning) {
+        return to_string(warning).find(what) != std::string::npos;
+    });
 }
 
 // What was given, less what is left. The first of four levels has few voxels across the ball: this is warned

@@ -348,7 +348,7 @@ TEST(States, AreKept) {
     scene.build();
     EXPECT_EQ(scene.stats.report("hill.simulated"), 2.0);
     ASSERT_EQ(scene.stats.warnings.size(), 2u);
-    EXPECT_NE(scene.stats.warnings[0].find("is damaged"), std::string::npos);
+    EXPECT_NE(to_string(scene.stats.warnings[0]).find("is damaged"), std::string::npos);
     fs::remove_all(folder);
 }
 
@@ -390,9 +390,10 @@ TEST(States, ThatCannotBeWrittenLaterAreAWarning) {
     EXPECT_TRUE(run(4.0).empty());
     const fs::path states = *fs::directory_iterator(folder);
     for (const char* name : {"5.state", "6.state"}) fs::create_directories(states / name / "in the way");
-    const std::vector<std::string> warnings = run(6.0);
+    const std::vector<Problem> warnings = run(6.0);
     ASSERT_EQ(warnings.size(), 1u);
-    EXPECT_NE(warnings[0].find("only the newest state is kept, in memory"), std::string::npos) << warnings[0];
+    EXPECT_NE(to_string(warnings[0]).find("only the newest state is kept, in memory"), std::string::npos)
+        << to_string(warnings[0]);
     fs::remove_all(folder);
 }
 
@@ -669,7 +670,7 @@ TEST(Report, OfMeshesArrivesAndSoDoWarnings) {
     EXPECT_EQ(report("hill.size"), 4.0);
     EXPECT_NEAR(report("hill.steepness"), 50.0 * std::sin(1.0), 1e-6);
     ASSERT_EQ(scene.stats.warnings.size(), 1u); // once, although the hill is made for several motion keys
-    EXPECT_NE(scene.stats.warnings[0].find("the hill swells by more than 100 m: lower swell"),
+    EXPECT_NE(to_string(scene.stats.warnings[0]).find("the hill swells by more than 100 m: lower swell"),
               std::string::npos);
 }
 

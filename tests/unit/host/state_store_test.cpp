@@ -70,19 +70,20 @@ TEST_F(StateFolder, UnreadableStatesAreNotCalledDamaged) {
     std::ofstream(path("2.state"), std::ios::app) << "x";
     StateStore later = open();
     EXPECT_EQ(later.load(2.0)->frame, 1.0);
-    const std::vector<std::string> damaged = later.take_warnings();
+    const std::vector<Problem> damaged = later.take_warnings();
     ASSERT_EQ(damaged.size(), 1U);
-    EXPECT_NE(damaged[0].find("2.state: is damaged and is left out: remove it"), std::string::npos)
-        << damaged[0];
+    EXPECT_NE(to_string(damaged[0]).find("2.state: is damaged and is left out: remove it"), std::string::npos)
+        << to_string(damaged[0]);
     fs::permissions(path("2.state"), fs::perms::none);
     fs::permissions(folder, fs::perms::all);
     const uid_t user = ::geteuid(), nobody = 65534;
     ASSERT_EQ(::seteuid(user == 0 ? nobody : user), 0); // the superuser reads it all the same
     EXPECT_EQ(later.load(2.0)->frame, 1.0);
     ASSERT_EQ(::seteuid(user), 0);
-    const std::vector<std::string> unreadable = later.take_warnings();
+    const std::vector<Problem> unreadable = later.take_warnings();
     ASSERT_EQ(unreadable.size(), 1U);
-    EXPECT_NE(unreadable[0].find("cannot be read (Permission denied)"), std::string::npos) << unreadable[0];
+    EXPECT_NE(to_string(unreadable[0]).find("cannot be read (Permission denied)"), std::string::npos)
+        << to_string(unreadable[0]);
 }
 
 } // namespace

@@ -190,10 +190,10 @@ TEST_F(TextReaders, ObjFacesMayNameNormalsAndUvsThatTheFileLacks) {
         EXPECT_TRUE(mesh.uvs.empty()) << face;
     }
     const auto warning = [&](const std::string& text) { // of one line, without the folder
-        std::vector<std::string> warnings;
+        std::vector<Problem> warnings;
         load_mesh(write("m.obj", text), {.warnings = &warnings});
         EXPECT_LE(warnings.size(), 1U);
-        return warnings.empty() ? "" : warnings[0].substr(folder.string().size() + 1);
+        return warnings.empty() ? "" : to_string(warnings[0]).substr(folder.string().size() + 1);
     };
     const std::string rest = " that the file does not have, read without them: export the mesh with them, or "
                              "without these indices";

@@ -38,8 +38,8 @@ uint64_t strands_of(const std::string& text, bool under_the_house = false) {
 }
 
 bool warns(const TestScene& scene, const std::string& text) {
-    return std::ranges::any_of(scene.stats.warnings, [&](const std::string& warning) {
-        return warning.find(text) != std::string::npos;
+    return std::ranges::any_of(scene.stats.warnings, [&](const Problem& warning) {
+        return to_string(warning).find(text) != std::string::npos;
     });
 }
 
@@ -66,9 +66,10 @@ TEST(CoveredRoots, AreNamedOnceWithMotionBlur) {
     scene.settings.motion_keys = 0; // chosen by the tolerance
     scene.build();
     EXPECT_EQ(std::ranges::count_if(scene.stats.warnings,
-                                    [](const std::string& warning) {
-                                        return warning.find("strands are left out, because another mesh "
-                                                            "covers their roots: ") != std::string::npos;
+                                    [](const Problem& warning) {
+                                        return to_string(warning).find(
+                                                   "strands are left out, because another mesh "
+                                                   "covers their roots: ") != std::string::npos;
                                     }),
               1);
     EXPECT_GT(scene.stats.chosen.at("grass.motion_keys"), 1.0) << "nothing moves";
@@ -143,9 +144,9 @@ TEST(Collision, NamesMeshesAndPlacesWithoutRoom) {
                                     "collision = { solver = \"exact\", offset_root = 0.01 }\n"));
     scene.build();
     ASSERT_GT(scene.stats.report("collision.unresolved"), 0.0);
-    EXPECT_TRUE(warns(scene, "have no free direction: ")) << scene.stats.warnings.at(0);
-    EXPECT_TRUE(warns(scene, " at 'house', root at (")) << scene.stats.warnings.at(0);
-    EXPECT_TRUE(warns(scene, "move that mesh away from the roots")) << scene.stats.warnings.at(0);
+    EXPECT_TRUE(warns(scene, "have no free direction: ")) << to_string(scene.stats.warnings.at(0));
+    EXPECT_TRUE(warns(scene, " at 'house', root at (")) << to_string(scene.stats.warnings.at(0));
+    EXPECT_TRUE(warns(scene, "move that mesh away from the roots")) << to_string(scene.stats.warnings.at(0));
 }
 
 // The attribute "contact" against the counts of collision.
@@ -201,7 +202,8 @@ TEST(IdleWind, IsToldOnce) {
         scene.settings.shot_frames = {1.0, 48.0};
         scene.build();
         ASSERT_EQ(scene.stats.warnings.size(), 1u) << one.wind;
-        EXPECT_NE(scene.stats.warnings[0].find(one.said), std::string::npos) << scene.stats.warnings[0];
+        EXPECT_NE(to_string(scene.stats.warnings[0]).find(one.said), std::string::npos)
+            << to_string(scene.stats.warnings[0]);
     }
     for (const char* wind :
          {"", "speed = 0\ndirection = [1, 0, 0]\n", "speed = 6\ncalm = 0.5\n",
@@ -214,7 +216,7 @@ TEST(IdleWind, IsToldOnce) {
                         groom("grass", "ground", "count = 9\n") + groom("fern", "hill", "count = 9\n"));
         scene.settings.shot_frames = {1.0, 48.0};
         scene.build();
-        EXPECT_TRUE(scene.stats.warnings.empty()) << wind << ": " << scene.stats.warnings[0];
+        EXPECT_TRUE(scene.stats.warnings.empty()) << wind << ": " << to_string(scene.stats.warnings[0]);
     }
 }
 

@@ -541,10 +541,10 @@ TEST(Strands, RootsUnderTheSkinAreLiftedAndTold) {
         EXPECT_NEAR(height, c % 3 == 2 ? 0.01F : 0.004F, 1e-6F);
     }
     ASSERT_EQ(scene.stats.warnings.size(), 2u); // one for far roots, one for these
-    EXPECT_NE((scene.stats.warnings[0] + scene.stats.warnings[1])
+    EXPECT_NE((to_string(scene.stats.warnings[0]) + to_string(scene.stats.warnings[1]))
                   .find("30 of 90 strands begin inside 'ground', up to 0.01 m deep"),
               std::string::npos)
-        << scene.stats.warnings[0] << scene.stats.warnings[1];
+        << to_string(scene.stats.warnings[0]) << to_string(scene.stats.warnings[1]);
 }
 
 // Far beside an open surface and below its plane by less than the rounding error: neither inside nor raised.
@@ -559,8 +559,9 @@ TEST(Strands, BesideTheBorderOfAnOpenSkinStayWhereTheyAre) {
     const World world = scene.build();
     EXPECT_LT(max_difference(world.curves[0].vertices[0], file.vertices), 1e-6);
     ASSERT_EQ(scene.stats.warnings.size(), 1u);
-    EXPECT_NE(scene.stats.warnings[0].find("60 of 60 strands begin farther from 'card'"), std::string::npos)
-        << scene.stats.warnings[0];
+    EXPECT_NE(to_string(scene.stats.warnings[0]).find("60 of 60 strands begin farther from 'card'"),
+              std::string::npos)
+        << to_string(scene.stats.warnings[0]);
 }
 
 // From tip to root: they end on the skin, and that is what the warning says.
@@ -579,11 +580,11 @@ TEST(Strands, ThatEndOnTheSkinAreSeenAsReversed) {
     }
     scene.build();
     ASSERT_EQ(scene.stats.warnings.size(), 1u);
-    EXPECT_NE(scene.stats.warnings[0].find(
-                  "9 of 10 strands end on 'ground' and begin up to 1 m away from it: they run from "
-                  "tip to root: give their curves reverse = true"),
+    EXPECT_NE(to_string(scene.stats.warnings[0])
+                  .find("9 of 10 strands end on 'ground' and begin up to 1 m away from it: they run from "
+                        "tip to root: give their curves reverse = true"),
               std::string::npos)
-        << scene.stats.warnings[0];
+        << to_string(scene.stats.warnings[0]);
 }
 
 // Curves that change in number: each frame has its take, bound anew, and the same frame is the same again.
@@ -681,7 +682,8 @@ TEST(Guides, FarFromTheirMeshAreTold) {
         fill_with_guides(scene.geometry.curves[0]);
         scene.build();
         ASSERT_EQ(scene.stats.warnings.size(), 1u);
-        EXPECT_NE(scene.stats.warnings[0].find(said), std::string::npos) << scene.stats.warnings[0];
+        EXPECT_NE(to_string(scene.stats.warnings[0]).find(said), std::string::npos)
+            << to_string(scene.stats.warnings[0]);
     }
 }
 
@@ -692,7 +694,8 @@ TEST(Guides, AReachOfAlmostNothingIsAdvisedBySpacing) {
                         "guides.reach = " + reach + "\n");
         fill_with_guides(scene.geometry.curves[0]);
         scene.build();
-        const std::string said = fmt::format("{}", fmt::join(scene.stats.warnings, "\n"));
+        std::string said;
+        for (const Problem& warning : scene.stats.warnings) said += to_string(warning) + "\n";
         EXPECT_NE(said.find(" 100 % of the strands (2000 of 2000) are left out"), std::string::npos) << said;
         EXPECT_NE(said.find("give guides.reach = 0."), std::string::npos) << said;
     }

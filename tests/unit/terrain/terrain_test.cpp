@@ -489,9 +489,9 @@ TEST(Terrain, LayersSayWhatTheyDid) {
     scene.build();
     // Stones below 2 m are too small for cells of 0.5 m.
     ASSERT_EQ(scene.stats.warnings.size(), 1u);
-    EXPECT_NE(scene.stats.warnings[0].find("are smaller than 4 cells of 0.5 m: they are left out"),
+    EXPECT_NE(to_string(scene.stats.warnings[0]).find("are smaller than 4 cells of 0.5 m: they are left out"),
               std::string::npos)
-        << scene.stats.warnings[0];
+        << to_string(scene.stats.warnings[0]);
     const double stones = scene.stats.report("terrain.layer[3].stones.stones"),
                  small = scene.stats.report("terrain.layer[3].stones.too_small");
     EXPECT_NEAR(stones + small, 0.2 * 32 * 24, 20);
@@ -508,8 +508,10 @@ TEST(Terrain, AWarningOfAWholeLayerIsSentOnceAndStandsWhereItIs) {
     TestScene scene(desert(high + layer("fusion")));
     scene.build();
     ASSERT_EQ(scene.stats.warnings.size(), 1u);
-    EXPECT_NE(scene.stats.warnings[0].find(".toml:"), std::string::npos) << scene.stats.warnings[0];
-    EXPECT_NE(scene.stats.warnings[0].find("out of range: the sand stays as it is"), std::string::npos);
+    EXPECT_NE(to_string(scene.stats.warnings[0]).find(".toml:"), std::string::npos)
+        << to_string(scene.stats.warnings[0]);
+    EXPECT_NE(to_string(scene.stats.warnings[0]).find("out of range: the sand stays as it is"),
+              std::string::npos);
     EXPECT_EQ(scene.stats.report("terrain.layer[11].fusion.settled"), 0.0);
     scene.build();
     EXPECT_TRUE(scene.stats.warnings.empty()) << "nothing has changed";
@@ -606,7 +608,7 @@ TEST(Terrain, WindsOfTheSolverDiffer) {
     TestScene calm(evolving("speed = 2"));
     EXPECT_EQ(heights_at(calm, 9.0), heights_at(calm, 8.0)); // steep slopes have slid
     ASSERT_FALSE(calm.stats.warnings.empty());
-    EXPECT_NE(calm.stats.warnings[0].find("never exceeds the threshold"), std::string::npos);
+    EXPECT_NE(to_string(calm.stats.warnings[0]).find("never exceeds the threshold"), std::string::npos);
     std::string vertical = evolving();
     vertical.replace(vertical.find("[1, 0, 0.3]"), 11, "[0, -1, 0]");
     TestScene down(vertical);
@@ -623,7 +625,7 @@ TEST(Terrain, RecordsOfWindAreChecked) {
         try {
             TestScene scene(evolving(wind + "record = \"" + file + "\""));
             text = scene.build_errors();
-            for (const std::string& warning : scene.stats.warnings) text += warning;
+            for (const Problem& warning : scene.stats.warnings) text += to_string(warning);
         } catch (const InputError& error) {
             for (const Problem& problem : error.problems) text += to_string(problem);
         }
@@ -747,7 +749,8 @@ TEST(Terrain, AMeshStandsInTheSolversSand) {
         TestScene warned(text);
         heights_at(warned, 2.0);
         ASSERT_FALSE(warned.stats.warnings.empty()) << what;
-        EXPECT_NE(warned.stats.warnings[0].find(what), std::string::npos) << warned.stats.warnings[0];
+        EXPECT_NE(to_string(warned.stats.warnings[0]).find(what), std::string::npos)
+            << to_string(warned.stats.warnings[0]);
     };
     const std::string obstacle = "obstacle = \"wall\"";
     expect_warning(blown(obstacle, "transform = { translate = [500, 0, 0] }\n"), "is not on the terrain");

@@ -166,8 +166,8 @@ TEST(KeptGeometry, GustsOnAnEvolvingTerrainAreReported) {
                " }\n";
     };
     const auto warnings = [](const Sequence& sequence) {
-        return std::ranges::count_if(sequence.scene.stats.warnings, [](const std::string& warning) {
-            return warning.find("give wind.gusts.center = [") != std::string::npos;
+        return std::ranges::count_if(sequence.scene.stats.warnings, [](const Problem& warning) {
+            return to_string(warning).find("give wind.gusts.center = [") != std::string::npos;
         });
     };
     Sequence automatic(text(""));

@@ -108,7 +108,8 @@ void add_pack_options(CLI::App& command, PackOptions& options) {
         .add_option(
             "-o,--output", options.output,
             "folder to be made: the scene, with the values of --set, and its files in files/; it renders "
-            "to the same bits wherever it lies")
+            "to the same bits wherever it lies. Sequences are copied whole, as they are read when a scene is "
+            "opened")
         ->required()
         ->type_name("DIR");
     command.add_flag("--states", options.states, "also the states that simulations have left (--state)");

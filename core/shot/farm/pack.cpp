@@ -12,14 +12,17 @@
 #include <algorithm>
 #include <array>
 #include <cctype>
+#include <cerrno>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
 #include <map>
 #include <random>
 #include <tuple>
+#include <utility>
 
 #include <fcntl.h>
+#include <sys/file.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -192,19 +195,28 @@ fs::path checked_folder(const std::string& folder) {
     return path;
 }
 
-// A folder beside the one to make, removed unless it is renamed.
+// A folder beside the one to make, removed unless it is renamed. It is locked (flock) while it is in use: a
+// killed process leaves its folder behind, unlocked, and the next one that packs to the same target removes
+// it, as in core/image/atomic_file.h. On a file system without such locks nothing is removed.
 class PackingFolder {
   public:
     explicit PackingFolder(const fs::path& target) : target_(target) {
+        remove_abandoned();
         std::error_code error;
         std::random_device random;
-        do path_ = target.string() + fmt::format(".marram-packing-{:08x}", random());
-        while (!fs::create_directory(path_, error) && !error);
+        do {
+            path_ = target.string() + fmt::format("{}{:08x}", mark, random());
+            if (lock_ >= 0) ::close(std::exchange(lock_, -1));
+            if (!fs::create_directory(path_, error)) continue;
+            lock_ = ::open(path_.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+            if (lock_ < 0) error.assign(errno, std::generic_category());
+        } while (!error && !is_locked());
         if (error) fail(target.string(), error);
     }
     ~PackingFolder() {
         std::error_code ignored;
         if (!path_.empty()) fs::remove_all(path_, ignored);
+        ::close(lock_);
     }
     PackingFolder(const PackingFolder&) = delete;
     PackingFolder& operator=(const PackingFolder&) = delete;
@@ -213,10 +225,7 @@ class PackingFolder {
 
     // Replaces an empty folder of the target's name. All bytes are on the disk before.
     void rename_to_target() {
-        if (const int folder = ::open(path_.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC); folder >= 0) {
-            ::syncfs(folder);
-            ::close(folder);
-        }
+        ::syncfs(lock_);
         std::error_code error;
         fs::rename(path_, target_, error);
         if (error) fail(target_.string(), error);
@@ -229,7 +238,35 @@ class PackingFolder {
     }
 
   private:
+    static constexpr const char* mark = ".marram-packing-";
+
+    // Not if another process is removing it. Without locks nobody does.
+    bool is_locked() const {
+        if (::flock(lock_, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK) return false;
+        struct stat open {
+        }, named{};
+        return ::fstat(lock_, &open) == 0 && ::stat(path_.c_str(), &named) == 0 &&
+               open.st_dev == named.st_dev && open.st_ino == named.st_ino;
+    }
+    void remove_abandoned() const {
+        const std::string begin = name_of(target_.string()) + mark;
+        std::error_code error;
+        std::vector<fs::path> found;
+        for (fs::directory_iterator it(target_.parent_path(), error), end; !error && it != end;
+             it.increment(error)) {
+            const std::string name = it->path().filename().string();
+            if (name.starts_with(begin) && name.size() == begin.size() + 8) found.push_back(it->path());
+        }
+        for (const fs::path& path : found) {
+            const int folder = ::open(path.c_str(), O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC);
+            if (folder < 0) continue;
+            if (::flock(folder, LOCK_EX | LOCK_NB) == 0) fs::remove_all(path, error);
+            ::close(folder);
+        }
+    }
+
     fs::path target_, path_;
+    int lock_ = -1;
 };
 
 void copy_file(const PackedFile& file, const fs::path& folder) {

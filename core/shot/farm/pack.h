@@ -32,6 +32,7 @@ struct PackedScene {
 // request.folder, loaded again and compared with what was read, and then renamed: the folder is complete or
 // not there. A library is code, and is never copied: one that the scene names without a folder stays named,
 // any other is refused. Throws InputError, and Cancelled between two files; neither leaves anything behind.
+// What a killed process has left beside the same folder is removed.
 PackedScene pack_scene(Shot shot, const PackRequest& request, const std::atomic<bool>& cancel);
 
 } // namespace marram

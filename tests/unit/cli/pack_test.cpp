@@ -7,6 +7,10 @@
 
 #include <chrono>
 
+#include <fcntl.h>
+#include <sys/file.h>
+#include <unistd.h>
+
 namespace marram::testing {
 namespace {
 
@@ -243,6 +247,23 @@ TEST_F(Pack, LeavesNothingAfterAnInterrupt) {
     EXPECT_THROW(pack_scene(load_shot(scene, {}, go), {scene, folder / "packed", {}, false}, stop),
                  Cancelled);
     expect_nothing_written();
+}
+
+// One that a process still holds is locked.
+TEST_F(Pack, RemovesWhatAKilledProcessHasLeft) {
+    const std::string scene = folder.write("show/s.toml", SceneText());
+    for (const char* name : {"packed.marram-packing-0123abcd/files", "packed.marram-packing-4567cdef",
+                             "packed.marram-packing-mine", "other.marram-packing-0123abcd"})
+        fs::create_directories(folder / name);
+    const int held =
+        ::open((folder / "packed.marram-packing-4567cdef").c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+    ASSERT_EQ(::flock(held, LOCK_EX), 0);
+    EXPECT_EQ(pack(scene).code, 0);
+    ::close(held);
+    EXPECT_FALSE(fs::exists(folder / "packed.marram-packing-0123abcd"));
+    EXPECT_TRUE(fs::exists(folder / "packed.marram-packing-4567cdef"));
+    EXPECT_TRUE(fs::exists(folder / "packed.marram-packing-mine"));
+    EXPECT_TRUE(fs::exists(folder / "other.marram-packing-0123abcd"));
 }
 
 } // namespace

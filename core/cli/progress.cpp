@@ -106,7 +106,7 @@ void ProgressText::take(const ProgressState& state) {
     fraction_ = std::max(fraction_, begin_ + (end_ - begin_) * of_part);
 }
 
-std::string ProgressText::at(double seconds, const ProgressState& state) {
+std::string ProgressText::due_lines(double seconds, const ProgressState& state) {
     take(state);
     const double below_all = std::min(fraction_, 0.999);
     const int percent = int(100.0 * below_all);
@@ -166,7 +166,7 @@ RunProgress::RunProgress(bool quiet, double build_share)
         while (!stop.stop_requested()) {
             const double seconds =
                 std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
-            print_now(text_.at(seconds, ask_ ? ask_() : state_));
+            print_now(text_.due_lines(seconds, ask_ ? ask_() : state_));
             wake_.wait_for(lock, stop, poll_interval, [] { return false; });
         }
     });

@@ -52,7 +52,7 @@ class ProgressText {
 
     // The lines that are due, "" if none are. A line is due when the whole percentage (of openjd and
     // json: or the phase) has changed, at most once a second, and after 8 s in any case.
-    std::string at(double seconds, const ProgressState& state);
+    std::string due_lines(double seconds, const ProgressState& state);
     std::string done();                                 // the last line, 100 %
     std::string stopped(std::string_view reason) const; // instead of it; "" in most styles
 

@@ -47,8 +47,9 @@ Ray camera_ray(const RenderContext& context, const Crop& crop, uint32_t x, uint3
     const auto [film_x, film_y, lens_u, lens_v] = sampler.get_4d(0);
     const bool has_lens = context.camera.has_lens();
     const float time = !context.has_motion_blur ? 0.0F : has_lens ? sampler.get_4d(time_set)[0] : lens_u;
-    Ray ray = context.camera((x + 0.5 + context.filter(film_x)) / crop.width,
-                             (y + 0.5 + context.filter(film_y)) / crop.height, {lens_u, lens_v}, time);
+    Ray ray =
+        context.camera((x + 0.5 + context.filter(film_x)) / crop.picture_width,
+                       (y + 0.5 + context.filter(film_y)) / crop.picture_height, {lens_u, lens_v}, time);
     ray.mask = MARRAM_SEEN_BY_CAMERA;
     return ray;
 }
@@ -184,9 +185,9 @@ struct Pilot {
 
     Pilot(const Crop& part, const Film& film_of_part, bool has_samples) {
         const uint32_t left = std::min(part.x, stddev_radius), top = std::min(part.y, stddev_radius),
-                       right = std::min(part.x + film_of_part.width + stddev_radius, part.width),
-                       bottom = std::min(part.y + film_of_part.height + stddev_radius, part.height);
-        crop = {part.x - left, part.y - top, part.width, part.height};
+                       right = std::min(part.x + film_of_part.width + stddev_radius, part.picture_width),
+                       bottom = std::min(part.y + film_of_part.height + stddev_radius, part.picture_height);
+        crop = {part.x - left, part.y - top, part.picture_width, part.picture_height};
         x = left;
         y = top;
         film.width = right - crop.x;
@@ -210,7 +211,7 @@ struct Pilot {
 bool set_luminance_stddev(const RenderContext& context, Film& film, RenderStats& stats,
                           const RenderProgress* progress) {
     const Crop crop = crop_of(context.settings, film);
-    const bool whole = film.width == crop.width && film.height == crop.height,
+    const bool whole = film.width == crop.picture_width && film.height == crop.picture_height,
                has_samples = context.settings.first_sample == 0;
     if (whole && has_samples) {
         update_luminance_stddev(film);
@@ -310,15 +311,15 @@ RenderStats render(const World& world, const Lights& lights, std::span<const Mat
                    const Camera& camera, const RenderSettings& settings, Film& film,
                    RenderProgress* progress) {
     const Crop crop = crop_of(settings, film);
-    RenderContext context{.world = world,
-                          .lights = lights,
-                          .materials = materials,
-                          .settings = settings,
-                          .camera = CameraRays(camera, crop.width, crop.height),
-                          .filter = FilterSampler(settings.filter),
-                          .has_motion_blur = world.times.size() > 1 || camera.poses.size() > 1,
-                          .pixel_spread =
-                              static_cast<float>(2.0 * std::tan(0.5 * camera.vertical_fov) / crop.height)};
+    RenderContext context{
+        .world = world,
+        .lights = lights,
+        .materials = materials,
+        .settings = settings,
+        .camera = CameraRays(camera, crop.picture_width, crop.picture_height),
+        .filter = FilterSampler(settings.filter),
+        .has_motion_blur = world.times.size() > 1 || camera.poses.size() > 1,
+        .pixel_spread = static_cast<float>(2.0 * std::tan(0.5 * camera.vertical_fov) / crop.picture_height)};
     find_attributes(context, film);
     RenderStats stats;
     const uint64_t samples_before = count_samples(film).total;

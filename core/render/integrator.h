@@ -21,8 +21,8 @@ enum class Strategy { mis, light_sampling, bsdf_sampling };
 
 // A film that is part of a larger picture. Its pixels have the rays and random numbers that they have there.
 struct Crop {
-    uint32_t x = 0, y = 0;          // of the film's top left pixel in the picture
-    uint32_t width = 0, height = 0; // of the picture
+    uint32_t x = 0, y = 0; // of the film's top left pixel in the picture
+    uint32_t picture_width = 0, picture_height = 0;
 };
 
 struct RenderSettings {

@@ -111,7 +111,7 @@ json to_json(const FilmState& state) {
             {"frame", state.frame},
             {"size", {state.width, state.height}},
             {"samples", state.samples},
-            {"samples_digest", state.samples_digest},
+            {"film_digest", state.film_digest},
             {"picture_digest", state.picture_digest},
             {"exposure", state.exposure},
             {"seconds", state.seconds},
@@ -129,7 +129,7 @@ FilmState from_json(const json& from) {
     state.width = from.at("size").at(0);
     state.height = from.at("size").at(1);
     state.samples = from.at("samples");
-    state.samples_digest = from.at("samples_digest");
+    state.film_digest = from.at("film_digest");
     state.picture_digest = from.at("picture_digest");
     state.exposure = from.at("exposure");
     state.seconds = from.at("seconds");
@@ -304,7 +304,7 @@ void add_state(const std::string& path, const FilmState& state, const FilmPart& 
     });
 }
 
-std::string load_state(const std::string& path, const std::string& samples_digest, const FilmPart& part,
+std::string load_state(const std::string& path, const std::string& film_digest, const FilmPart& part,
                        Film& film) {
     FilmState state;
     try {
@@ -315,8 +315,7 @@ std::string load_state(const std::string& path, const std::string& samples_diges
     const auto same_layer = [](const FilmLayer& a, const FilmLayer& b) {
         return a.name == b.name && a.channels == b.channels && a.discrete == b.discrete;
     };
-    if (state.samples_digest != samples_digest ||
-        !std::ranges::equal(state.layers, film.layers, same_layer) ||
+    if (state.film_digest != film_digest || !std::ranges::equal(state.layers, film.layers, same_layer) ||
         state.catches_shadows == film.catchers.empty())
         return "belongs to another scene, size, layer list, frame or program version";
     const FilmPart bounds = bounds_of(state.parts);

@@ -22,7 +22,7 @@ struct FilmState {
     std::string scene;
     double frame = 0.0;
     uint32_t width = 0, height = 0, samples = 0; // of the whole picture
-    std::string samples_digest;                  // FrameFiles::samples_digest
+    std::string film_digest;                     // FrameFiles::film_digest
     std::string picture_digest;                  // FrameFiles::digest, of the picture with `samples`
     double exposure = 0.0;                       // stops
     double seconds = 0.0;                        // that rendering it has taken
@@ -60,7 +60,7 @@ void add_state(const std::string& path, const FilmState& state, const FilmPart& 
 // Fills an empty film with an unfinished or finished state of `part` and returns "". If the file cannot be
 // used, returns one line that says why and leaves the film empty: the file is damaged, belongs to another
 // frame or part, or has more samples.
-std::string load_state(const std::string& path, const std::string& samples_digest, const FilmPart& part,
+std::string load_state(const std::string& path, const std::string& film_digest, const FilmPart& part,
                        Film& film);
 
 } // namespace marram

@@ -78,7 +78,7 @@ FilmState state_of(const Frame& frame, bool finished) {
     state.frame = frame.files.frame;
     std::tie(state.width, state.height) = film_size(frame.shot);
     state.samples = uint32_t(frame.shot.description.film.integer("samples"));
-    state.samples_digest = frame.files.samples_digest;
+    state.film_digest = frame.files.film_digest;
     state.picture_digest = frame.files.digest;
     state.exposure = exposure_of(frame);
     state.seconds = frame.stats.load + wall_seconds() - frame.begin;
@@ -104,7 +104,7 @@ bool has_more_samples(const FrameFiles& files) {
     if (!fs::exists(files.state, error)) return false;
     try {
         const FilmState state = read_state(files.state);
-        return state.finished && state.samples_digest == files.samples_digest &&
+        return state.finished && state.film_digest == files.film_digest &&
                bounds_of(state.parts).end_sample > files.part.end_sample;
     } catch (const InputError&) {
         return false;
@@ -145,7 +145,7 @@ FrameFiles frame_files(double frame, const Shot& shot, uint64_t digest, const st
     files.state = state_name(files.picture, part);
     files.layers = layers;
     for (LayerPicture& layer : files.layers) layer.file = numbered(layer.file, frame);
-    files.samples_digest = fmt::format("{:016x}", hash(digest, std::bit_cast<uint64_t>(frame)));
+    files.film_digest = fmt::format("{:016x}", hash(digest, std::bit_cast<uint64_t>(frame)));
     // Does not include the frame: OpenImageIO never frees distinct metadata strings, 8 KB each.
     files.digest = fmt::format("{:016x}", hash(digest, uint64_t(shot.description.film.integer("samples"))));
     return files;
@@ -190,7 +190,7 @@ void check_parts(const Shot& shot, const FrameOptions& options, const std::vecto
         earlier.end_sample = files.part.first_sample;
         const std::string after = numbered(options.after, files.frame);
         const FilmState state = read_state(after);
-        if (state.samples_digest != files.samples_digest)
+        if (state.film_digest != files.film_digest)
             throw InputError({after}, "belongs to another scene, size, layer list, frame or program version",
                              "give the state of this frame");
         if (!state.finished || state.parts != std::vector{earlier})
@@ -206,7 +206,7 @@ bool is_part_rendered(const FrameFiles& files) {
     if (!files.is_part || !fs::exists(files.state, error)) return false;
     try {
         const FilmState state = read_state(files.state);
-        if (!state.finished || state.samples_digest != files.samples_digest ||
+        if (!state.finished || state.film_digest != files.film_digest ||
             state.parts != std::vector{files.part})
             return false;
         check_sums(files.state, state);
@@ -297,7 +297,7 @@ ResumedFrame resume_frame(Frame& frame) {
     const FrameFiles& files = frame.files;
     std::error_code error;
     if (!frame.options.resume || !fs::exists(files.state, error)) return {};
-    const std::string reason = load_state(files.state, files.samples_digest, frame.files.part, frame.film);
+    const std::string reason = load_state(files.state, files.film_digest, frame.files.part, frame.film);
     if (!reason.empty())
         return {Problem{{files.state}, reason, "the frame is rendered from the start", "state.refused"}, ""};
     return {std::nullopt, fmt::format("{}: resumed at {:.4g} samples per pixel", files.picture,

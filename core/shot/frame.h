@@ -45,9 +45,9 @@ struct FrameFiles {
     bool is_part = false; // not the whole: only the state is written, for merge_states() in farm/merge.h
     std::vector<LayerPicture> layers; // written with the picture, unless it is interrupted
     std::string digest;               // pictures of the same frame and digest are identical
-    // Films with the same samples_digest differ only in their number of samples: the one with fewer can be
+    // Films with the same film_digest differ only in their number of samples: the one with fewer can be
     // continued.
-    std::string samples_digest;
+    std::string film_digest;
 };
 
 // A digest of what all frames depend on: the scene file, the settings that override it, the files that the

@@ -39,7 +39,7 @@ std::vector<FilmState> read_states(const std::vector<std::string>& files) {
             if (!states[i].finished)
                 throw InputError({files[i]}, "is unfinished",
                                  "render it to its end, with the same command and --resume");
-            if (first && states[i].samples_digest != first->samples_digest)
+            if (first && states[i].film_digest != first->film_digest)
                 throw InputError({files[i]},
                                  fmt::format("belongs to another frame, scene or setting, size or layer list "
                                              "than '{}'",

@@ -17,7 +17,7 @@ TEST(Progress, IsDueWhenThePercentageChangesAtMostOnceASecond) {
     ProgressText text(ProgressStyle::plain, 0.1);
     text.begin_part(0.0, 1.0);
     const auto tracing = [&](double seconds, double fraction) {
-        return text.at(seconds, {"rendering", fraction, true});
+        return text.due_lines(seconds, {"rendering", fraction, true});
     };
     EXPECT_EQ(tracing(0.0, 0.0), "10%\n") << "the build's share";
     EXPECT_EQ(tracing(0.5, 0.5), "") << "too soon";
@@ -33,12 +33,13 @@ TEST(Progress, IsDueWhenThePercentageChangesAtMostOnceASecond) {
 TEST(Progress, NamesNewPhases) {
     ProgressText text(ProgressStyle::openjd, 0.1);
     text.begin_part(0.0, 0.5);
-    EXPECT_EQ(text.at(0.0, {"loading", 0.0}), "openjd_status: loading\nopenjd_progress: 0.0\n");
-    EXPECT_EQ(text.at(0.9, {"simulating", 0.0}), "");
-    EXPECT_EQ(text.at(1.0, {"simulating", 0.0}), "openjd_status: simulating\nopenjd_progress: 2.5\n");
-    EXPECT_EQ(text.at(9.0, {"simulating", 0.0}), "openjd_progress: 2.5\n") << "a sign of life";
-    EXPECT_EQ(text.at(10.0, {"rendering", 0.0, true}), "openjd_status: rendering\nopenjd_progress: 5.0\n");
-    EXPECT_EQ(text.at(11.0, {"rendering", 0.5, true}), "openjd_progress: 27.5\n");
+    EXPECT_EQ(text.due_lines(0.0, {"loading", 0.0}), "openjd_status: loading\nopenjd_progress: 0.0\n");
+    EXPECT_EQ(text.due_lines(0.9, {"simulating", 0.0}), "");
+    EXPECT_EQ(text.due_lines(1.0, {"simulating", 0.0}), "openjd_status: simulating\nopenjd_progress: 2.5\n");
+    EXPECT_EQ(text.due_lines(9.0, {"simulating", 0.0}), "openjd_progress: 2.5\n") << "a sign of life";
+    EXPECT_EQ(text.due_lines(10.0, {"rendering", 0.0, true}),
+              "openjd_status: rendering\nopenjd_progress: 5.0\n");
+    EXPECT_EQ(text.due_lines(11.0, {"rendering", 0.5, true}), "openjd_progress: 27.5\n");
     EXPECT_EQ(text.stopped("interrupted by SIGTERM"), "openjd_status: interrupted by SIGTERM\n");
     EXPECT_EQ(text.done(), "openjd_status: done\nopenjd_progress: 100.0\n");
 }
@@ -53,8 +54,8 @@ TEST(Progress, NeverGoesBackwards) {
         for (int part = 0; part < 5; ++part) {
             text.begin_part(part / 5.0, (part + 1) / 5.0);
             for (int i = 0; i < 20; ++i) {
-                const std::string line =
-                    text.at(seconds += 2.0, {std::to_string(random() % 3), any(random), random() % 2 == 0});
+                const std::string line = text.due_lines(
+                    seconds += 2.0, {std::to_string(random() % 3), any(random), random() % 2 == 0});
                 if (line.empty()) continue;
                 int percent = -1;
                 ASSERT_EQ(std::sscanf(line.c_str(), "ALF_PROGRESS %d%%\n", &percent), 1) << line;

@@ -79,7 +79,8 @@ struct CurvePart {
     std::shared_ptr<RTCGeometryTy> owner{}; // of the vertices
 };
 
-// Some curves of a lazy patch as a geometry of the patch's own scene (core/world/lazy_curves.h): its user data.
+// Some curves of a lazy patch as a geometry of the patch's own scene (core/world/lazy_curves.h): its user
+// data.
 struct LazyPart {
     uint32_t curves = 0;          // index in World::curves
     uint32_t first_primitive = 0; // of the patch in that CurveGeometry
@@ -92,8 +93,8 @@ struct LazyPart {
 class LazyGeometry {
   public:
     virtual ~LazyGeometry() = default;
-    // Whether something has failed while rays were traced, which raise_failure() then throws: samples that were
-    // traced since may be wrong.
+    // Whether something has failed while rays were traced, which raise_failure() then throws: samples that
+    // were traced since may be wrong.
     bool failed() const { return failed_.load(std::memory_order_relaxed); }
     virtual void raise_failure() = 0;
     // Call between passes, when no ray is traced: later ones are faster.

@@ -153,11 +153,11 @@ void set_triangle(const MeshGeometry& mesh, uint32_t triangle, const Vec2f& bary
     point.light = mesh.light;
 }
 
-// Shading with vertex normals lights parts of a triangle that its own plane, or a neighbour's, keeps from the light:
-// the border of the shadow would show the triangles. So shading and rays that leave treat the surface as the smooth one:
-// the sign of normal . d says on which side a direction d is, and a ray near the plane or below it starts on a curved patch
-// (Hanika, "Hacking the Shadow Terminator", Ray Tracing Gems II, 2021). Not at silhouettes, where the smooth surface
-// faces away from the ray.
+// Shading with vertex normals lights parts of a triangle that its own plane, or a neighbour's, keeps from the
+// light: the border of the shadow would show the triangles. So shading and rays that leave treat the surface
+// as the smooth one: the sign of normal . d says on which side a direction d is, and a ray near the plane or
+// below it starts on a curved patch (Hanika, "Hacking the Shadow Terminator", Ray Tracing Gems II, 2021). Not
+// at silhouettes, where the smooth surface faces away from the ray.
 void choose_sidedness_normal(const Vec3f& direction, SurfacePoint& point) {
     const float cos_plane = point.geometric_normal.dot(direction), cos_smooth = point.normal.dot(direction);
     if ((cos_plane < 0.0F) == (cos_smooth < 0.0F) && point.geometric_normal.dot(point.normal) > 0.0F)

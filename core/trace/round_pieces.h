@@ -53,13 +53,13 @@ void mark_round_vertices(float* vertices, size_t count);
 // start instead, which the ray cannot enter anyway.
 void mark_round_pieces(World& world);
 
-// Like rtcIntersect1 and rtcOccluded1, in a world with round pieces (World::has_round_pieces). For a hit on a piece,
-// hit.u is Entry::along and t is Entry::t in double; else t is ray.tfar.
+// Like rtcIntersect1 and rtcOccluded1, in a world with round pieces (World::has_round_pieces). For a hit on a
+// piece, hit.u is Entry::along and t is Entry::t in double; else t is ray.tfar.
 void intersect_round(const World& world, RTCRayHit& query, bool coherent, double& t);
 void occluded_round(const World& world, RTCRay& query);
 
-// Goes on with a query in the scene of a lazy patch, from the callback of its box. reach: of its round pieces, 0
-// if there are none. Geometries of the patch have a LazyPart as user data.
+// Goes on with a query in the scene of a lazy patch, from the callback of its box. reach: of its round
+// pieces, 0 if there are none. Geometries of the patch have a LazyPart as user data.
 void intersect_patch(const RTCIntersectFunctionNArguments* args, RTCScene patch, double reach,
                      RTCRayHit& hit);
 void occluded_patch(const RTCOccludedFunctionNArguments* args, RTCScene patch, double reach, RTCRay& ray);

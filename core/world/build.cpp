@@ -209,7 +209,8 @@ World build_world(SceneGeometry& geometry, const BuildSettings& settings, const 
     rtcGetSceneBounds(settings.trace_curves ? world.scene.get() : world.colliders.get(), &bounds);
     world.bounds = Box3f(Vec3f(bounds.lower_x, bounds.lower_y, bounds.lower_z),
                          Vec3f(bounds.upper_x, bounds.upper_y, bounds.upper_z));
-    for (const Box3f& box : stats.patch_bounds) world.bounds.extend(box); // the same if curves are lazy
+    for (const Box3f& box : stats.patch_bounds)
+        if (settings.trace_curves) world.bounds.extend(box); // the same if curves are lazy
     for (const auto& procedural : geometry.procedurals)
         take_warnings(build.stats, *procedural); // from pose()
     take_common_warnings(build);

@@ -43,8 +43,8 @@ struct TracedVertices {
 // CurveBuild::has_parts is set.
 void find_end_key_curves(Build& build, CurveBuild& item);
 
-// Marks the curves of a patch that two keys follow: [curve of the patch] 1 if so. Returns their largest error,
-// m, enlarged by the view.
+// Marks the curves of a patch that two keys follow: [curve of the patch] 1 if so. Returns their largest
+// error, m, enlarged by the view.
 double mark_end_key_curves(const CurveBuild& item, const MarramPatch& patch, double limit, const View& view,
                            char* marks);
 

@@ -55,7 +55,8 @@ Box3f box_of(const TracedVertices& traced, const CurveBuild& item, bool pieces) 
     return {box.min().array() - more, box.max().array() + more};
 }
 
-// Rays find only what is in the box: refuses curves that leave it. Their points at the ends of segments count.
+// Rays find only what is in the box: refuses curves that leave it. Their points at the ends of segments
+// count.
 void check_box(const CurveBuild& item, const MarramPatch& patch) {
     const CurveLayout layout = item.layout();
     const Box3f box = padded_box(patch);
@@ -239,7 +240,7 @@ void LazyCurves::build(uint32_t index, bool is_made) {
 
 bool LazyCurves::should_merge() const {
     const uint64_t more = built_ - merged_patches_;
-    return more > 0 && 8 * more >= merged_patches_;
+    return 2 * more > merged_patches_;
 }
 
 void LazyCurves::merge(RTCScene scene) {

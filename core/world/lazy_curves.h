@@ -1,29 +1,34 @@
 // SPDX-License-Identifier: Apache-2.0
 // Lazy curves: a patch is its box until a ray enters it. Then it is tessellated, and its BVH built, once, by
-// whoever comes first; others wait. So what no ray meets is never made. (Bounded lazy procedurals: Cook, Carpenter,
-// Catmull, "The Reyes Image Rendering Architecture", 1987, section 3; Embree's tutorial lazy_geometry.)
+// whoever comes first; others wait. So what no ray meets is never made. (Bounded lazy procedurals: Cook,
+// Carpenter, Catmull, "The Reyes Image Rendering Architecture", 1987, section 3; Embree's tutorial
+// lazy_geometry.)
 //
-// Embree's scene has a user geometry whose primitives are the boxes. The callback of a box traces the ray in the
-// scene of the patch, whose geometries share their vertices with CurveGeometry: these lie in reserved memory, at
-// the same indices as eager ones, so a hit stands for the same primitive and is shaded by the same code.
+// Embree's scene has a user geometry whose primitives are the boxes. The callback of a box traces the ray in
+// the scene of the patch, whose geometries share their vertices with CurveGeometry: these lie in reserved
+// memory, at the same indices as eager ones, so a hit stands for the same primitive and is shaded by the same
+// code.
 //
-// Curves have the bits of eager ones, since tessellate() is idempotent, and a ray has the same hits. What depends
-// on all curves of a procedural (the number of straight pieces; whether those that two keys follow are parts of
-// their own, curve_parts.h) is chosen from at most 64 patches: those nearest to the camera, and some of all others.
+// Curves have the bits of eager ones, since tessellate() is idempotent, and a ray has the same hits. What
+// depends on all curves of a procedural (the number of straight pieces; whether those that two keys follow
+// are parts of their own, curve_parts.h) is chosen from at most 64 patches: those nearest to the camera, and
+// some of all others.
 // A picture has the same bits where these choices are the same, as they are if the film sets curve_pieces and
 // motion_keys; but a ray through the disc that two straight pieces of a ribbon share (one of 30,000) may hit
 // either.
 //
-// Boxes of patches overlap, and a ray is traced in each: half as fast as in one BVH. So after a pass, patches that were
-// built are merged into the world's own scene, once they are an eighth of those that are there.
+// Boxes of patches overlap, and a ray is traced in each: half as fast as in one BVH. So after a pass, patches
+// that were built are merged into the world's own scene, once they are half as many as those merged before.
+// That scene's
+// BVH is built anew, with the memory that this takes.
 //
-// Traps: a thread that waits for a patch must not hold one; a thread that builds one must not take up another task
-// of the renderer, which could meet the same patch (tbb::this_task_arena::isolate). An error cannot leave the
-// callback: raise_failure() throws it, and the samples that were traced since are worth nothing. A cancelled
-// frame keeps its samples, so patches are built to their end all the same.
+// Traps: a thread that waits for a patch must not hold one; a thread that builds one must not take up another
+// task of the renderer, which could meet the same patch (tbb::this_task_arena::isolate). An error cannot
+// leave the callback: raise_failure() throws it, and the samples that were traced since are worth nothing. A
+// cancelled frame keeps its samples, so patches are built to their end all the same.
 //
-// Costs a call and a second traversal for each box that a ray enters. Declared boxes are loose, as nobody knows
-// yet how strands lie; so a patch that is built has the box of its contents tested first.
+// Costs a call and a second traversal for each box that a ray enters. Declared boxes are loose, as nobody
+// knows yet how strands lie; so a patch that is built has the box of its contents tested first.
 #pragma once
 
 #include "core/world/build_state.h"
@@ -43,8 +48,8 @@ class LazyWorld;
 class LazyCurves {
   public:
     // item: with its patches' boxes; those it has looked at are made already. traced: all of it in reserved
-    // memory. set: index in World::curves, where they are already. end_key_id: geometry ID of those traced with
-    // two keys.
+    // memory. set: index in World::curves, where they are already. end_key_id: geometry ID of those traced
+    // with two keys.
     LazyCurves(const Build& build, LazyWorld& world, CurveBuild item, TracedVertices traced, uint32_t set,
                uint32_t end_key_id, bool spans);
     ~LazyCurves();
@@ -131,8 +136,8 @@ class LazyWorld : public LazyGeometry {
 // Whether the curves of a procedural can be lazy: nobody else reads them, and there are several patches.
 bool can_be_lazy(const Build& build, const Procedural& procedural, const MarramOutput& output);
 
-// The patches that are made before, to choose settings from: up to 64, by the distance of their boxes from the
-// camera, and evenly spaced.
+// The patches that are made before, to choose settings from: up to 64, by the distance of their boxes from
+// the camera, and evenly spaced.
 std::vector<uint32_t> patches_to_look_at(const CurveBuild& item, const View& view);
 
 // After rays were traced: what procedurals report of lazy curves, how many patches were built.

@@ -236,7 +236,7 @@ TEST(Render, SaysHowWellMotionIsFollowed) {
     const auto fast = run(36000.0, done); // ten turns a frame
     EXPECT_EQ(fast["keys"], 64);
     EXPECT_GT(fast["mesh_error"], 0.01);
-    EXPECT_CONTAINS(done.err, "wheel: moves so fast that 64 motion keys are off by");
+    EXPECT_CONTAINS(done.err, "'wheel' moves so fast that 64 motion keys are off by");
 }
 
 TEST(Render, SaysWhereATargetFarBehindMakesPixelsCoarse) {

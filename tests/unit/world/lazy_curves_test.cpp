@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Lazy patches: every ray hits what it hits when all curves were made before, bit for bit; what no ray meets is
-// not made; errors and cancellation while rays are traced.
+// Lazy patches: every ray hits what it hits when all curves were made before, bit for bit; what no ray meets
+// is not made; errors and cancellation while rays are traced.
 #include "build_scene.h"
 
 #include "core/trace/hit.h"
@@ -77,7 +77,8 @@ std::vector<Answer> answers_of(const World& world, const std::vector<Ray>& rays)
     return answers;
 }
 
-// Straight pieces of a ribbon share the disc at their corner: a ray through it hits the one that Embree finds first.
+// Straight pieces of a ribbon share the disc at their corner: a ray through it hits the one that Embree finds
+// first.
 bool is_same_corner(const SurfacePoint& a, const SurfacePoint& b) {
     return a.distance == b.distance && a.strand == b.strand &&
            std::abs(int(a.primitive) - int(b.primitive)) == 1;

@@ -60,11 +60,18 @@ Place place_at_begin(std::string_view line) {
     return place.line > 0 || is_file ? place : Place{};
 }
 
+// The id of what has none of its own: where it is.
+std::string general_id(const Place& place) {
+    if (place.file.starts_with("-")) return "option";
+    if (place.line > 0) return "line";
+    return place.file.empty() ? "program" : "file";
+}
+
 std::string as_json(LogLevel level, const std::string& id, const Place& place,
                     std::initializer_list<std::pair<const char*, std::string_view>> texts) {
     constexpr std::array levels = {"info", "warning", "error"};
     nlohmann::ordered_json object = {
-        {"time", time_text()}, {"level", levels[size_t(level)]}, {"id", id}, {"file", place.file},
+        {"time", time_text()}, {"level", levels[size_t(level)]}, {"id", id.empty() ? general_id(place) : id}, {"file", place.file},
         {"line", place.line},  {"column", place.column}};
     for (const auto& [name, text] : texts) object[name] = text;
     return object.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
@@ -137,7 +144,7 @@ void write_error_without_memory(const char* line) {
     else
         std::snprintf(
             text.data(), text.size(),
-            R"({"time":"%s","level":"error","id":"","file":"","line":0,"column":0,"what":"%s","fix":""})"
+            R"({"time":"%s","level":"error","id":"memory","file":"","line":0,"column":0,"what":"%s","fix":""})"
             "\n",
             now_as_text().data(), safe.data());
     if (::write(STDERR_FILENO, text.data(), std::strlen(text.data())) < 0) return; // nobody listens

@@ -19,7 +19,8 @@ enum class LogLevel { info, warning, error };
 
 // How messages are written from this call on: as lines of text, as such lines with the time before them, or
 // as one JSON object a line: time (RFC 3339, UTC), level, id, file, line, column, and what and fix of a
-// mistake or warning, else text. An id or place that a message has not is "" or 0.
+// mistake or warning, else text. A place that a message has not is "" or 0; without an id of its own it has
+// "option", "line" (of a file), "file" or "program", by its place.
 void set_log_format(LogFormat format);
 LogFormat log_format();
 

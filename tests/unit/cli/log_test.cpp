@@ -14,6 +14,7 @@ std::vector<nlohmann::json> objects(const std::string& text) {
     std::vector<nlohmann::json> all;
     for (const std::string& line : lines(text)) {
         all.push_back(nlohmann::json::parse(line));
+        EXPECT_NE(all.back()["id"], "") << line;
         for (const char* key : {"level", "id", "file", "line", "column"})
             EXPECT_TRUE(all.back().contains(key)) << line;
         EXPECT_TRUE(std::regex_match(all.back().at("time").get<std::string>(), time)) << line;

@@ -125,11 +125,11 @@ struct World {
     std::map<uint32_t, MeshGeometry> growth_surfaces; // by geometry ID, of meshes with a render mesh
     std::vector<CurveGeometry> curves;
     std::vector<CurvePart> curve_parts;
-    bool has_round_pieces = false; // of which lazy curves have their own reach
-    double reach = 0.0;            // largest length + radius of a round piece, m (round_pieces.h)
-    Box3f bounds;                  // of meshes, and of the boxes of patches, at every motion sample
+    bool filtered = false; // hits are (round_pieces.h): there are round pieces, or lazy ones
+    double reach = 0.0;    // largest length + radius of a round piece, m (round_pieces.h)
+    Box3f bounds;          // of meshes, and of the boxes of patches, at every motion sample
     std::vector<std::shared_ptr<RTCGeometryTy>> curve_buffers; // [curves] own what it points into
-    std::shared_ptr<LazyGeometry> lazy;               // nullptr: all curves were made before
+    std::shared_ptr<LazyGeometry> lazy;                        // nullptr: all curves were made before
 
     // The mesh that strands grow on and collide with.
     const MeshGeometry& growth_surface(uint32_t mesh) const {

@@ -24,7 +24,7 @@ inline constexpr int lanes = 8;
 
 #define MARRAM_INLINE __attribute__((always_inline)) inline
 #define MARRAM_ALWAYS_INLINE __attribute__((always_inline)) // of a lambda
-#if defined(__x86_64__) && !defined(__SANITIZE_ADDRESS__) && !defined(__clang__)
+#if defined(__x86_64__) && !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__) && !defined(__clang__)
 // Sanitizers run before the loader has resolved clones, so sanitized builds do without.
 #define MARRAM_HOT __attribute__((target_clones("default", "arch=x86-64-v3"), flatten))
 #else

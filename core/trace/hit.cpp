@@ -434,7 +434,7 @@ bool intersect(const World& world, const Ray& ray, SurfacePoint& point, bool coh
     query.hit.geomID = RTC_INVALID_GEOMETRY_ID;
     query.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
     double t = 0.0;
-    if (world.has_round_pieces) {
+    if (world.filtered) {
         intersect_round(world, query, coherent, t);
     } else {
         marram_intersect1(world.scene.get(), &query, coherent ? 1 : 0);
@@ -466,7 +466,7 @@ bool occluded(const World& world, const Ray& ray, RayCounts* counts) {
     if (!(ray.tnear < ray.tfar)) return false;
     if (counts) ++counts->occluded;
     RTCRay query = to_embree(ray);
-    if (world.has_round_pieces)
+    if (world.filtered)
         occluded_round(world, query);
     else
         marram_occluded1(world.scene.get(), &query);

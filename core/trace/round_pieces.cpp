@@ -62,7 +62,7 @@ struct Query {
     double tnear, tfar; // the ray's own
     float time;
     double t;     // of the nearest hit
-    uint64_t hit; // its curves and primitive
+    uint64_t hit; // its number (Found)
     double reach; // of the pieces that are traced now
 };
 
@@ -83,17 +83,22 @@ RoundPiece piece_of(const CurveGeometry& curves, const CurvePrimitive& traced, f
     return piece;
 }
 
-// The round piece that Embree has hit; false if it is none.
-bool find_piece(const RTCFilterFunctionNArguments* args, const Query& query, CurvePrimitive& traced) {
+// What Embree has hit.
+struct Found {
+    CurvePrimitive traced{}; // of curves
+    bool round_piece = false;
+    uint64_t number = 0; // of all primitives of the world
+};
+
+Found found_by(const RTCFilterFunctionNArguments* args, const Query& query) {
     const World& world = *query.world;
     const RTCHit& hit = *reinterpret_cast<const RTCHit*>(args->hit);
-    if (const auto* part = static_cast<const LazyPart*>(args->geometryUserPtr)) // in the scene of a patch
-        traced = curve_primitive(*part, hit.primID);
-    else if (hit.geomID < world.meshes.size())
-        return false;
-    else
-        traced = curve_primitive(world, hit.geomID, hit.primID);
-    return !world.curves[traced.curves].round_pieces.empty();
+    const auto* part = static_cast<const LazyPart*>(args->geometryUserPtr); // in the scene of a patch
+    if (!part && hit.geomID < world.meshes.size()) return {.number = uint64_t(hit.geomID) << 32 | hit.primID};
+    const CurvePrimitive traced =
+        part ? curve_primitive(*part, hit.primID) : curve_primitive(world, hit.geomID, hit.primID);
+    return {traced, !world.curves[traced.curves].round_pieces.empty(),
+            (world.meshes.size() + traced.curves) << 32 | traced.primitive};
 }
 
 bool entered(const Query& query, const CurvePrimitive& traced, Entry& entry) {
@@ -108,36 +113,27 @@ void nearest(const RTCFilterFunctionNArguments* args) {
     Query& query = *static_cast<Query*>(marram_query_of(args));
     RTCRay& ray = *reinterpret_cast<RTCRay*>(args->ray);
     RTCHit& hit = *reinterpret_cast<RTCHit*>(args->hit);
-    double t = ray.tfar;
-    CurvePrimitive traced{};
-    if (find_piece(args, query, traced)) {
-        Entry entry;
-        // Neighbours share the ball between them: whichever Embree finds first, the same one is hit.
-        const uint64_t id = uint64_t(traced.curves) << 32 | traced.primitive;
-        if (!entered(query, traced, entry) || entry.t > query.t || (entry.t == query.t && id >= query.hit)) {
-            args->valid[0] = 0;
-            return;
-        }
-        query.hit = id;
-        hit.u = static_cast<float>(entry.along);
-        t = entry.t;
-    } else if (!(t < query.t)) {
+    const Found found = found_by(args, query);
+    Entry entry{ray.tfar, 0.0};
+    const bool met = !found.round_piece || entered(query, found.traced, entry);
+    // Neighbouring pieces share what is at their corner: whichever Embree finds first, the same one is hit.
+    if (!met || entry.t > query.t || (entry.t == query.t && found.number >= query.hit)) {
         args->valid[0] = 0;
         return;
-    } else {
-        query.hit = 0; // no piece at the same distance replaces it
     }
-    query.t = t;
-    ray.tfar = beyond(t + query.reach);
+    if (found.round_piece) hit.u = static_cast<float>(entry.along);
+    query.hit = found.number;
+    query.t = entry.t;
+    ray.tfar = beyond(query.t + query.reach);
 }
 
 void any(const RTCFilterFunctionNArguments* args) {
     const Query& query = *static_cast<Query*>(marram_query_of(args));
     const RTCRay& ray = *reinterpret_cast<const RTCRay*>(args->ray);
     Entry entry;
-    CurvePrimitive traced{};
-    const bool met = find_piece(args, query, traced) ? entered(query, traced, entry) && entry.t < query.tfar
-                                                     : static_cast<double>(ray.tfar) <= query.tfar;
+    const Found found = found_by(args, query);
+    const bool met = found.round_piece ? entered(query, found.traced, entry) && entry.t < query.tfar
+                                       : static_cast<double>(ray.tfar) <= query.tfar;
     if (!met) args->valid[0] = 0;
 }
 
@@ -186,7 +182,7 @@ void add_round_pieces(World& world, CurveGeometry& curves, float* vertices) {
         },
         [](double a, double b) { return std::max(a, b); });
     world.reach = std::max(world.reach, reach);
-    world.has_round_pieces = true;
+    world.filtered = true;
     curves.round_pieces.push_back(vertices);
 }
 

@@ -53,7 +53,7 @@ void mark_round_vertices(float* vertices, size_t count);
 // start instead, which the ray cannot enter anyway.
 void mark_round_pieces(World& world);
 
-// Like rtcIntersect1 and rtcOccluded1, in a world with round pieces (World::has_round_pieces). For a hit on a
+// Like rtcIntersect1 and rtcOccluded1, in a world with round pieces (World::filtered). For a hit on a
 // piece, hit.u is Entry::along and t is Entry::t in double; else t is ray.tfar.
 void intersect_round(const World& world, RTCRayHit& query, bool coherent, double& t);
 void occluded_round(const World& world, RTCRay& query);

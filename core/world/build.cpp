@@ -217,6 +217,11 @@ World build_world(SceneGeometry& geometry, const BuildSettings& settings, const 
     world.curve_buffers = std::move(build.curves);
     if (world.lazy) {
         auto& lazy = static_cast<LazyWorld&>(*world.lazy);
+        for (const CurveGeometry& curves : world.curves)
+            for (float* vertices : curves.round_pieces)
+                if (!curves.lazy)
+                    lazy.round_pieces.emplace_back(
+                        vertices, curves.curve_count * ((curves.cvs_per_curve - 1) * curves.pieces + 1));
         lazy.lent = std::move(build.lent);
         for (const auto& procedural : geometry.procedurals) {
             procedural->set_cancellable(false);

@@ -338,7 +338,8 @@ uint32_t choose_pieces(Build& build, const CurveBuild& item, bool allow_round_pi
 // Attaches the boxes of lazy curves, which then own the rest.
 void attach_lazy(Build& build, CurveBuild& item, TracedVertices traced, uint32_t set, bool spans) {
     World& world = build.world;
-    world.has_round_pieces |= !item.curves.round_pieces.empty();
+    // Pieces tie at their corners, and which one is hit must not depend on when patches were built.
+    if (item.curves.pieces > 0) world.filtered = true;
     item.curves.lazy = true;
     world.curves.push_back(std::move(item.curves));
     if (!world.lazy) world.lazy = std::make_shared<LazyWorld>(world.scene, world.errors);

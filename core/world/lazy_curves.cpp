@@ -55,8 +55,8 @@ Box3f box_of(const TracedVertices& traced, const CurveBuild& item, bool pieces) 
     return {box.min().array() - more, box.max().array() + more};
 }
 
-// Rays find only what is in the box: refuses curves that leave it. Their points at the ends of segments
-// count.
+// Rays find only what is in the box: refuses curves that leave it, by the balls at the ends of their
+// segments.
 void check_box(const CurveBuild& item, const MarramPatch& patch) {
     const CurveLayout layout = item.layout();
     const Box3f box = padded_box(patch);
@@ -65,10 +65,11 @@ void check_box(const CurveBuild& item, const MarramPatch& patch) {
         for (uint64_t c = patch.first_curve; c < patch.first_curve + patch.curve_count; ++c)
             for (uint32_t k = 0; k < layout.cvs(c); ++k) {
                 const float* v = vertices + 4 * (layout.first_vertex(c) + k);
-                const Vec3f point = float(weights[0]) * Vec3f::Map(v) +
-                                    float(weights[1]) * Vec3f::Map(v + 4) +
-                                    float(weights[2]) * Vec3f::Map(v + 8);
-                if (!box.contains(point))
+                const Vec4f point = float(weights[0]) * Vec4f::Map(v) +
+                                    float(weights[1]) * Vec4f::Map(v + 4) +
+                                    float(weights[2]) * Vec4f::Map(v + 8);
+                const Vec3f axis = point.head<3>(), radius = Vec3f::Constant(std::abs(point[3]));
+                if (!box.contains(Vec3f(axis - radius)) || !box.contains(Vec3f(axis + radius)))
                     item.procedural->refuse(
                         fmt::format("its curve {} leaves the box of its patch, and rays would miss it", c),
                         "film.geometry = \"eager\", or fix the library");
@@ -188,6 +189,7 @@ void LazyCurves::build(uint32_t index, bool is_made) {
     const MarramPatch& of = item_.patches[index];
     const CurveLayout layout = item_.layout();
     if (!is_made) tessellate_patch(item_, index);
+    chain_time_ += uint64_t(1e9 * (wall_seconds() - begin));
     check_box(item_, of);
     const TracedVertices traced = traced_of(index);
     const size_t keys = traced.vertices.size();
@@ -235,12 +237,7 @@ void LazyCurves::build(uint32_t index, bool is_made) {
         for (size_t t = 0; t < keys; ++t) mark_round_vertices(traced.vertices[t], traced.vertex_count);
     ++built_;
     bytes_ += bytes;
-    nanoseconds_ += uint64_t(1e9 * (wall_seconds() - begin));
-}
-
-bool LazyCurves::should_merge() const {
-    const uint64_t more = built_ - merged_patches_;
-    return 2 * more > merged_patches_;
+    build_time_ += uint64_t(1e9 * (wall_seconds() - begin));
 }
 
 void LazyCurves::merge(RTCScene scene) {
@@ -316,12 +313,17 @@ void LazyWorld::raise_failure() {
 }
 
 void LazyWorld::end_pass() {
-    if (std::ranges::none_of(curves, [](const auto& one) { return one->should_merge(); })) return;
+    uint64_t more = 0, merged = 0;
+    for (const auto& one : curves) more += one->new_patches(), merged += one->merged_patches();
+    if (2 * more <= merged) return;
     const double begin = wall_seconds();
     for (const auto& one : curves) one->merge(scene_.get());
     malloc_trim(0); // scenes of patches were allocated by all threads: none could use what another has freed
+    for (const auto& [vertices, count] : round_pieces)
+        for (size_t i = 0; i < count; ++i) vertices[4 * i + 3] = std::abs(vertices[4 * i + 3]);
     rtcCommitScene(scene_.get());
     raise(*errors_);
+    for (const auto& [vertices, count] : round_pieces) mark_round_vertices(vertices, count);
     for (const auto& one : curves) {
         one->end_merge();
         reach = std::max(reach, one->merged_reach());
@@ -339,8 +341,9 @@ void LazyCurves::add_to(BuildStats& stats) const {
     stats.patches += item_.patches.size();
     stats.built_patches += built_;
     stats.curve_bytes += bytes_;
-    stats.lazy_thread_seconds += 1e-9 * double(nanoseconds_);
-    take_report(stats, *item_.procedural, 0.0);
+    stats.lazy_thread_seconds += 1e-9 * double(build_time_);
+    const int threads = tbb::this_task_arena::max_concurrency();
+    take_report(stats, *item_.procedural, 1e-9 * double(chain_time_) / std::max(threads, 1));
 }
 
 LazyWorld::~LazyWorld() {

@@ -14,8 +14,10 @@
 // are parts of their own, curve_parts.h) is chosen from at most 64 patches: those nearest to the camera, and
 // some of all others.
 // A picture has the same bits where these choices are the same, as they are if the film sets curve_pieces and
-// motion_keys; but a ray through the disc that two straight pieces of a ribbon share (one of 30,000) may hit
-// either.
+// motion_keys. But where two straight pieces of a ribbon are hit at the same distance, at their corner (one ray of
+// 30,000), the one with the smaller number counts, and of eager ones any, unless there are round pieces
+// (round_pieces.h): a picture must not depend on when a patch is built. Cubics tie so rarely that no picture has shown
+// it, but where two grooms coincide.
 //
 // Boxes of patches overlap, and a ray is traced in each: half as fast as in one BVH. So after a pass, patches
 // that were built are merged into the world's own scene, once they are half as many as those merged before.
@@ -38,6 +40,7 @@
 #include <exception>
 #include <memory>
 #include <mutex>
+#include <utility>
 #include <vector>
 
 namespace marram {
@@ -60,7 +63,8 @@ class LazyCurves {
     void attach(Build& build);
 
     // No ray may be traced meanwhile.
-    bool should_merge() const;
+    uint64_t merged_patches() const { return merged_patches_; }
+    uint64_t new_patches() const { return built_ - merged_patches_; }
     void merge(RTCScene scene); // then commit it
     void end_merge();           // after that
     double merged_reach() const { return merged_reach_; }
@@ -108,7 +112,8 @@ class LazyCurves {
     std::vector<unsigned> attached_;
     uint64_t merged_patches_ = 0;
     double merged_reach_ = 0.0;
-    std::atomic<uint64_t> built_{0}, bytes_{0}, nanoseconds_{0}; // thread time of building
+    std::atomic<uint64_t> built_{0}, bytes_{0};
+    std::atomic<uint64_t> chain_time_{0}, build_time_{0}; // ns of threads: tessellate alone, and with the BVH
 };
 
 // All lazy curves of a world, and what their procedurals read.
@@ -124,6 +129,9 @@ class LazyWorld : public LazyGeometry {
     std::vector<std::shared_ptr<LentGeometry>> lent; // to mesh procedurals, which pose their meshes meanwhile
     std::vector<Procedural*> procedurals;            // that run to their end although the frame is cancelled
     std::vector<std::unique_ptr<LazyCurves>> curves;
+    // Vertices of eager round pieces, and how many: their radii are negative (mark_round_pieces) but while the scene
+    // is committed.
+    std::vector<std::pair<float*, size_t>> round_pieces;
     double merging = 0.0; // seconds
 
   private:

@@ -227,8 +227,9 @@ std::set<UvSquare> uv_squares(const World& world, size_t geometry, const Vec2f& 
         }
         return squares;
     }
-    const AttributeValues* uvs =
-        find_attribute(world.curves[geometry - world.meshes.size()].attributes, "root_uv");
+    const CurveGeometry& curves = world.curves[geometry - world.meshes.size()];
+    const AttributeValues* uvs = find_attribute(curves.attributes, "root_uv");
+    if (curves.lazy) return squares; // nobody knows yet where its strands stand
     for (size_t i = 0; uvs && uvs->components == 2 && i + 1 < uvs->values.size(); i += 2)
         add(Vec2f(uvs->values[i], uvs->values[i + 1]).cwiseProduct(scale));
     return squares;

@@ -13,16 +13,16 @@
 // depends on all curves of a procedural (the number of straight pieces; whether those that two keys follow
 // are parts of their own, curve_parts.h) is chosen from at most 64 patches: those nearest to the camera, and
 // some of all others.
+//
 // A picture has the same bits where these choices are the same, as they are if the film sets curve_pieces and
-// motion_keys. But where two straight pieces of a ribbon are hit at the same distance, at their corner (one ray of
-// 30,000), the one with the smaller number counts, and of eager ones any, unless there are round pieces
-// (round_pieces.h): a picture must not depend on when a patch is built. Cubics tie so rarely that no picture has shown
-// it, but where two grooms coincide.
+// motion_keys. But where two straight pieces of a ribbon are hit at the same distance, at their corner (one
+// ray of 30,000), the one with the smaller number counts, and of eager ones any, unless there are round
+// pieces (round_pieces.h): a picture must not depend on when a patch is built. Cubics have no such rule: no
+// picture has shown one that ties, but for two grooms at the same place.
 //
 // Boxes of patches overlap, and a ray is traced in each: half as fast as in one BVH. So after a pass, patches
 // that were built are merged into the world's own scene, once they are half as many as those merged before.
-// That scene's
-// BVH is built anew, with the memory that this takes.
+// That scene's BVH is built anew, with the memory that this takes.
 //
 // Traps: a thread that waits for a patch must not hold one; a thread that builds one must not take up another
 // task of the renderer, which could meet the same patch (tbb::this_task_arena::isolate). An error cannot
@@ -73,6 +73,7 @@ class LazyCurves {
     void add_to(BuildStats& stats) const;
 
   private:
+    // made: tessellated, without a BVH. built: has a scene of its own. merged: part of the world's.
     enum State : uint32_t { absent, made, building, built, merged, failed };
     struct Patch {
         std::atomic<uint32_t> state{absent};
@@ -129,8 +130,8 @@ class LazyWorld : public LazyGeometry {
     std::vector<std::shared_ptr<LentGeometry>> lent; // to mesh procedurals, which pose their meshes meanwhile
     std::vector<Procedural*> procedurals;            // that run to their end although the frame is cancelled
     std::vector<std::unique_ptr<LazyCurves>> curves;
-    // Vertices of eager round pieces, and how many: their radii are negative (mark_round_pieces) but while the scene
-    // is committed.
+    // Vertices of eager round pieces, and how many: their radii are negative (mark_round_pieces) but while the
+    // scene is committed.
     std::vector<std::pair<float*, size_t>> round_pieces;
     double merging = 0.0; // seconds
 

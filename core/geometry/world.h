@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The world of one frame as Embree sees it: two scenes that share the collider geometries. Plain data, built
+// The world of one frame as Embree sees it: two scenes that share the collider geometries. Plain data but for `lazy`, built
 // by core/world/build.h and read by the path tracer.
 #pragma once
 
@@ -61,8 +61,9 @@ struct CurveGeometry {
     std::vector<float*>
         round_pieces; // [time] traced pieces: (segments * pieces + 1) vertices per curve; else empty
     std::vector<AttributeValues> attributes;
-    std::vector<char> end_keys_only; // [curve]: 1 if it is traced with its first and last key; empty: none is
-    bool lazy = false;               // a patch's vertices and attributes are 0 until a ray has met it
+    std::vector<char>
+        end_keys_only; // [curve]: 1 if it is traced with its first and last key; empty: none is, or lazy
+    bool lazy = false; // a patch's vertices and attributes are 0 until a ray has met it
 
     CurveLayout layout() const {
         return {curve_count, cvs_per_curve, offsets.empty() ? nullptr : offsets.data()};
@@ -79,9 +80,9 @@ struct CurvePart {
     std::shared_ptr<RTCGeometryTy> owner{}; // of the vertices
 };
 
-// Some curves of a lazy patch as a geometry of the patch's own scene (core/world/lazy_curves.h): its user
+// Some curves of a built patch as a geometry of the patch's own scene (core/world/lazy_curves.h): its user
 // data.
-struct LazyPart {
+struct PatchPart {
     uint32_t curves = 0;          // index in World::curves
     uint32_t first_primitive = 0; // of the patch in that CurveGeometry
     std::vector<uint32_t>
@@ -98,7 +99,7 @@ class LazyGeometry {
     bool failed() const { return failed_.load(std::memory_order_relaxed); }
     virtual void raise_failure() = 0;
     // Call between passes, when no ray is traced: later ones are faster.
-    virtual void end_pass() = 0;
+    virtual void merge_built_patches() = 0;
     double reach = 0.0; // as World::reach, of what has become part of the world's own scene
 
   protected:
@@ -125,7 +126,7 @@ struct World {
     std::map<uint32_t, MeshGeometry> growth_surfaces; // by geometry ID, of meshes with a render mesh
     std::vector<CurveGeometry> curves;
     std::vector<CurvePart> curve_parts;
-    bool filtered = false; // hits are (round_pieces.h): there are round pieces, or lazy ones
+    bool filtered = false; // hits are (round_pieces.h): there are round pieces, or lazy straight ones
     double reach = 0.0;    // largest length + radius of a round piece, m (round_pieces.h)
     Box3f bounds;          // of meshes, and of the boxes of patches, at every motion sample
     std::vector<std::shared_ptr<RTCGeometryTy>> curve_buffers; // [curves] own what it points into
@@ -152,7 +153,7 @@ inline CurvePrimitive curve_primitive(const World& world, uint32_t geometry, uin
     return {part.curves, part.primitives ? (*part.primitives)[primitive] : primitive, part.end_keys_only};
 }
 
-inline CurvePrimitive curve_primitive(const LazyPart& part, uint32_t primitive) {
+inline CurvePrimitive curve_primitive(const PatchPart& part, uint32_t primitive) {
     return {part.curves,
             part.primitives.empty() ? part.first_primitive + primitive : part.primitives[primitive],
             part.end_keys_only};

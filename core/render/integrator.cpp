@@ -299,7 +299,8 @@ void render_passes(const RenderContext& context, Film& film, RenderStats& stats,
             if (samples_taken > 0) seconds_per_sample = (clock() - before) / double(samples_taken);
             begin = partial_end;
             const bool goes_on = settings.seconds <= 0.0 || clock() < start + settings.seconds;
-            if (begin < settings.samples && goes_on && context.world.lazy) context.world.lazy->end_pass();
+            if (begin < settings.samples && goes_on && context.world.lazy)
+                context.world.lazy->merge_built_patches();
             if (splits_passes && begin < end) progress->between_passes(film);
         }
         if (begin < settings.samples && progress && progress->between_passes) progress->between_passes(film);

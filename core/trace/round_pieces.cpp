@@ -93,7 +93,7 @@ struct Found {
 Found found_by(const RTCFilterFunctionNArguments* args, const Query& query) {
     const World& world = *query.world;
     const RTCHit& hit = *reinterpret_cast<const RTCHit*>(args->hit);
-    const auto* part = static_cast<const LazyPart*>(args->geometryUserPtr); // in the scene of a patch
+    const auto* part = static_cast<const PatchPart*>(args->geometryUserPtr); // in the scene of a patch
     if (!part && hit.geomID < world.meshes.size()) return {.number = uint64_t(hit.geomID) << 32 | hit.primID};
     const CurvePrimitive traced =
         part ? curve_primitive(*part, hit.primID) : curve_primitive(world, hit.geomID, hit.primID);

@@ -59,7 +59,7 @@ void intersect_round(const World& world, RTCRayHit& query, bool coherent, double
 void occluded_round(const World& world, RTCRay& query);
 
 // Goes on with a query in the scene of a lazy patch, from the callback of its box. reach: of its round
-// pieces, 0 if there are none. Geometries of the patch have a LazyPart as user data.
+// pieces, 0 if there are none. Geometries of the patch have a PatchPart as user data.
 void intersect_patch(const RTCIntersectFunctionNArguments* args, RTCScene patch, double reach,
                      RTCRayHit& hit);
 void occluded_patch(const RTCOccludedFunctionNArguments* args, RTCScene patch, double reach, RTCRay& ray);

@@ -306,7 +306,7 @@ bool mostly_round(const std::vector<CurveBuild>& items) {
 ChordErrors chord_errors(const CurveBuild& item, const BuildSettings& settings) {
     const ChordLimit limit{settings.tolerance, settings.view.pixel_angle, settings.view.position};
     const uint32_t cvs = item.output.cvs_per_curve;
-    const std::vector<uint32_t> known = item.known_patches();
+    const std::vector<uint32_t> known = item.patches_made_early();
     const auto of_patches = [&](const tbb::blocked_range<size_t>& patches, ChordErrors errors) {
         for (size_t i = patches.begin(); i < patches.end(); ++i)
             for (uint32_t t = 0; t < item.output.time_count; ++t) {
@@ -344,10 +344,10 @@ void attach_lazy(Build& build, CurveBuild& item, TracedVertices traced, uint32_t
     world.curves.push_back(std::move(item.curves));
     if (!world.lazy) world.lazy = std::make_shared<LazyWorld>(world.scene, world.errors);
     auto& lazy = static_cast<LazyWorld&>(*world.lazy);
-    const size_t end_key_id = world.meshes.size() + build.items.size() + world.curve_parts.size();
+    const size_t end_key_hit_id = world.meshes.size() + build.items.size() + world.curve_parts.size();
     if (item.has_parts) world.curve_parts.push_back({.curves = set, .end_keys_only = true});
     lazy.curves.push_back(std::make_unique<LazyCurves>(build, lazy, std::move(item), std::move(traced), set,
-                                                       uint32_t(end_key_id), spans));
+                                                       uint32_t(end_key_hit_id), spans));
     lazy.curves.back()->attach(build);
 }
 
@@ -502,11 +502,11 @@ void make_curves(Build& build, Procedural& procedural, uint32_t keys) {
         item.lazy = true;
         item.lent = lent;
         if (tolerance_chooses_pieces(item.output, build.settings) || (build.chooses_keys() && keys > 2))
-            item.looked_at = patches_to_look_at(item, build.settings.view);
+            item.sample_patches = patches_to_look_at(item, build.settings.view);
     }
     allocate(build, item);
     const double begin = wall_seconds();
-    const std::vector<uint32_t> to_make = item.known_patches();
+    const std::vector<uint32_t> to_make = item.patches_made_early();
     std::atomic<uint32_t> done{0};
     tbb::parallel_for(size_t{0}, to_make.size(), [&](size_t i) {
         if (build.cancel.load(std::memory_order_relaxed)) throw Cancelled{};

@@ -29,13 +29,13 @@ struct CurveBuild {
     float widened = 1.0F;                      // factor of the radii (BuildSettings::widening)
     bool has_parts = false;                    // curves of two keys are parts of their own (curve_parts.h)
     bool lazy = false;                         // patches are made when a ray meets them (lazy_curves.h)
-    std::vector<uint32_t> looked_at;           // lazy: patches that are made all the same, to choose settings
+    std::vector<uint32_t> sample_patches;      // lazy: patches that are made all the same, to choose settings
     std::shared_ptr<LentGeometry> lent;        // lazy: what the procedural reads while rays are traced
     std::vector<std::shared_ptr<void>> memory; // lazy: owns vertices and normals
 
     CurveLayout layout() const { return {output.curve_count, output.cvs_per_curve, output.offsets}; }
-    std::vector<uint32_t> known_patches() const {
-        if (lazy) return looked_at;
+    std::vector<uint32_t> patches_made_early() const {
+        if (lazy) return sample_patches;
         std::vector<uint32_t> all(patches.size());
         std::iota(all.begin(), all.end(), 0U);
         return all;

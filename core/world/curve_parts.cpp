@@ -62,7 +62,7 @@ void find_end_key_curves(Build& build, CurveBuild& item) {
     const size_t keys = item.vertices.size();
     if (!build.chooses_keys() || keys <= 2) return;
     const double limit = end_key_limit(build.settings);
-    const std::vector<uint32_t> known = item.known_patches();
+    const std::vector<uint32_t> known = item.patches_made_early();
     std::vector<uint64_t> first(known.size() + 1); // of each known patch, its first mark
     for (size_t i = 0; i < known.size(); ++i) first[i + 1] = first[i] + item.patches[known[i]].curve_count;
     std::vector<char> marks(first.back());

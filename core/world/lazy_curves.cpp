@@ -79,13 +79,13 @@ void check_box(const CurveBuild& item, const MarramPatch& patch) {
 } // namespace
 
 LazyCurves::LazyCurves(const Build& build, LazyWorld& world, CurveBuild item, TracedVertices traced,
-                       uint32_t set, uint32_t end_key_id, bool spans)
+                       uint32_t set, uint32_t end_key_hit_id, bool spans)
     : item_(std::move(item)), traced_(std::move(traced)), set_(set),
-      curve_id_(uint32_t(build.world.meshes.size()) + set), end_key_id_(end_key_id),
+      curve_id_(uint32_t(build.world.meshes.size()) + set), end_key_hit_id_(end_key_hit_id),
       pieces_(build.world.curves[set].pieces), spans_(spans && item_.has_parts),
       end_key_limit_(end_key_limit(build.settings)), view_(build.settings.view), device_(build.world.device),
       errors_(build.world.errors), world_(world), patches_(std::make_unique<Patch[]>(item_.patches.size())) {
-    for (const uint32_t index : item_.looked_at) patches_[index].state = made;
+    for (const uint32_t index : item_.sample_patches) patches_[index].state = tessellated;
     boxes_.resize(item_.patches.size());
     std::iota(boxes_.begin(), boxes_.end(), 0U);
 }
@@ -134,9 +134,9 @@ void LazyCurves::intersect(const RTCIntersectFunctionNArguments* args) {
         query.hit = before;
         return;
     }
-    const LazyPart& part = *patch->parts[query.hit.geomID];
+    const PatchPart& part = *patch->parts[query.hit.geomID];
     query.hit.primID = curve_primitive(part, query.hit.primID).primitive;
-    query.hit.geomID = part.end_keys_only ? self.end_key_id_ : self.curve_id_;
+    query.hit.geomID = part.end_keys_only ? self.end_key_hit_id_ : self.curve_id_;
 }
 
 void LazyCurves::occluded(const RTCOccludedFunctionNArguments* args) {
@@ -158,9 +158,9 @@ const LazyCurves::Patch* LazyCurves::patch_for_ray(uint32_t index, const RTCRay&
             continue;
         }
         if (!patch.state.compare_exchange_strong(state, building, std::memory_order_acquire)) continue;
-        const bool is_made = state == made;
+        const bool is_tessellated = state == tessellated;
         try {
-            tbb::this_task_arena::isolate([&] { build(index, is_made); });
+            tbb::this_task_arena::isolate([&] { build(index, is_tessellated); });
             state = built;
         } catch (...) {
             world_.fail(std::current_exception());
@@ -183,12 +183,12 @@ TracedVertices LazyCurves::traced_of(uint32_t index) const {
     return traced;
 }
 
-void LazyCurves::build(uint32_t index, bool is_made) {
+void LazyCurves::build(uint32_t index, bool is_tessellated) {
     const double begin = wall_seconds();
     Patch& patch = patches_[index];
     const MarramPatch& of = item_.patches[index];
     const CurveLayout layout = item_.layout();
-    if (!is_made) tessellate_patch(item_, index);
+    if (!is_tessellated) tessellate_patch(item_, index);
     chain_time_ += uint64_t(1e9 * (wall_seconds() - begin));
     check_box(item_, of);
     const TracedVertices traced = traced_of(index);
@@ -221,7 +221,7 @@ void LazyCurves::build(uint32_t index, bool is_made) {
         const bool all = !item_.has_parts;
         for (const std::vector<size_t>& with : part_keys(keys, end_keys_only != 0, spans_)) {
             const auto geometry = part_geometry(device_.get(), traced, indices.vertices, with);
-            LazyPart& part = *patch.parts.emplace_back(std::make_unique<LazyPart>());
+            PatchPart& part = *patch.parts.emplace_back(std::make_unique<PatchPart>());
             part = {set_, first, all ? std::vector<uint32_t>{} : indices.primitives, end_keys_only != 0};
             rtcSetGeometryUserData(geometry.get(), &part);
             rtcSetGeometryMask(geometry.get(), curve_mask);
@@ -255,7 +255,7 @@ void LazyCurves::merge(RTCScene scene) {
         ++merged_patches_;
         patch.state.store(merged, std::memory_order_relaxed);
         if (patch.scene) rtcReleaseScene(std::exchange(patch.scene, nullptr));
-        patch.parts = std::vector<std::unique_ptr<LazyPart>>();
+        patch.parts = std::vector<std::unique_ptr<PatchPart>>();
         merged_reach_ = std::max(merged_reach_, patch.reach);
         const MarramPatch& of = item_.patches[i];
         if (patch.reach > 0.0) // Embree wants radii that are not negative when it builds
@@ -290,7 +290,7 @@ void LazyCurves::merge(RTCScene scene) {
     rtcCommitGeometry(box_geometry_);
 }
 
-void LazyCurves::end_merge() {
+void LazyCurves::restore_round_marks() {
     for (size_t i = 0; i < item_.patches.size(); ++i)
         if (patches_[i].state.load(std::memory_order_relaxed) == merged && patches_[i].reach > 0.0)
             for_vertices_of(item_.patches[i], [](float* radius) { *radius = -std::abs(*radius); });
@@ -312,9 +312,9 @@ void LazyWorld::raise_failure() {
     if (failed()) std::rethrow_exception(thrown_);
 }
 
-void LazyWorld::end_pass() {
+void LazyWorld::merge_built_patches() {
     uint64_t more = 0, merged = 0;
-    for (const auto& one : curves) more += one->new_patches(), merged += one->merged_patches();
+    for (const auto& one : curves) more += one->unmerged_patches(), merged += one->merged_patches();
     if (2 * more <= merged) return;
     const double begin = wall_seconds();
     for (const auto& one : curves) one->merge(scene_.get());
@@ -325,7 +325,7 @@ void LazyWorld::end_pass() {
     raise(*errors_);
     for (const auto& [vertices, count] : round_pieces) mark_round_vertices(vertices, count);
     for (const auto& one : curves) {
-        one->end_merge();
+        one->restore_round_marks();
         reach = std::max(reach, one->merged_reach());
     }
     merging += wall_seconds() - begin;

@@ -51,10 +51,10 @@ class LazyWorld;
 class LazyCurves {
   public:
     // item: with its patches' boxes; those it has looked at are made already. traced: all of it in reserved
-    // memory. set: index in World::curves, where they are already. end_key_id: geometry ID of those traced
-    // with two keys.
+    // memory. set: index in World::curves, where they are already. end_key_hit_id: what hits name as geometry of
+    // those traced with two keys, if there are parts.
     LazyCurves(const Build& build, LazyWorld& world, CurveBuild item, TracedVertices traced, uint32_t set,
-               uint32_t end_key_id, bool spans);
+               uint32_t end_key_hit_id, bool spans);
     ~LazyCurves();
     LazyCurves(const LazyCurves&) = delete;
     LazyCurves& operator=(const LazyCurves&) = delete;
@@ -64,28 +64,28 @@ class LazyCurves {
 
     // No ray may be traced meanwhile.
     uint64_t merged_patches() const { return merged_patches_; }
-    uint64_t new_patches() const { return built_ - merged_patches_; }
+    uint64_t unmerged_patches() const { return built_ - merged_patches_; }
     void merge(RTCScene scene); // then commit it
-    void end_merge();           // after that
+    void restore_round_marks(); // after that
     double merged_reach() const { return merged_reach_; }
 
     // Adds what procedurals report, and the bytes of patches that were built.
     void add_to(BuildStats& stats) const;
 
   private:
-    // made: tessellated, without a BVH. built: has a scene of its own. merged: part of the world's.
-    enum State : uint32_t { absent, made, building, built, merged, failed };
+    // tessellated: without a BVH. built: has a scene of its own. merged: part of the world's.
+    enum State : uint32_t { absent, tessellated, building, built, merged, failed };
     struct Patch {
         std::atomic<uint32_t> state{absent};
         RTCScene scene = nullptr;
-        std::vector<std::unique_ptr<LazyPart>> parts{};
+        std::vector<std::unique_ptr<PatchPart>> parts{};
         double reach = 0.0; // as World::reach
         Box3f box;          // of what is traced, at every motion key: smaller than the one declared before
     };
 
     // The patch, built; nullptr if the ray misses what is in it, or building has failed.
     const Patch* patch_for_ray(uint32_t index, const RTCRay& ray);
-    void build(uint32_t index, bool is_made);
+    void build(uint32_t index, bool is_tessellated);
     TracedVertices traced_of(uint32_t index) const;
     uint64_t first_vertex(uint64_t curve) const; // of what is traced
     template <typename Visit>
@@ -96,7 +96,7 @@ class LazyCurves {
 
     CurveBuild item_;
     TracedVertices traced_;
-    uint32_t set_, curve_id_, end_key_id_, pieces_;
+    uint32_t set_, curve_id_, end_key_hit_id_, pieces_;
     bool spans_;
     double end_key_limit_;
     View view_;
@@ -124,7 +124,7 @@ class LazyWorld : public LazyGeometry {
         : scene_(std::move(scene)), errors_(std::move(errors)) {}
     ~LazyWorld() override;
     void raise_failure() override;
-    void end_pass() override;
+    void merge_built_patches() override;
     void fail(std::exception_ptr exception);
 
     std::vector<std::shared_ptr<LentGeometry>> lent; // to mesh procedurals, which pose their meshes meanwhile

@@ -164,15 +164,15 @@ TEST(OracleShield, OnASphereWindwardRootsAreOpenAndLeeRootsShieldedAtAnyScale) {
         const std::vector<Triangle> mesh =
             moved(sphere_mesh(24, [](const Vec3d&) { return 1.0; }), scale, Vec3d::Zero());
         const TriangleSet set(mesh);
-        int wrong = 0, looked_at = 0;
+        int wrong = 0, sample_patches = 0;
         for (const Triangle& t : mesh) {
             const Vec3d root = (t.a + t.b + t.c) / 3.0, normal = area_normal(t).normalized();
             if (std::abs(normal.dot(x)) < 0.05) continue;
             const Shielding s = shield_curve({root}, x, 10.0 * scale, 1e-4, set);
             wrong += s.hit[0] != (normal.dot(x) > 0.0) ? 1 : 0;
-            ++looked_at;
+            ++sample_patches;
         }
-        std::printf("  scale %g: %d roots\n", scale, looked_at);
+        std::printf("  scale %g: %d roots\n", scale, sample_patches);
         EXPECT_EQ(wrong, 0);
     }
 }

@@ -136,7 +136,7 @@ TEST_P(LazyCurvesTest, AreHitAsEagerOnesAre) {
     // Merged, with what is not built yet beside it, and merged again.
     const std::vector<Answer> first = answers_of(world, rays);
     for (int pass = 0; pass < 2; ++pass) {
-        world.lazy->end_pass();
+        world.lazy->merge_built_patches();
         expect_same(answers_of(world, rays), first, world.meshes.size());
     }
     EXPECT_FALSE(world.lazy->failed());
@@ -186,7 +186,7 @@ TEST(LazyPatches, AreMergedBesideEagerRoundPieces) {
     const std::vector<Ray> rays = rays_over_square(world, 20000);
     const std::vector<Answer> wanted = answers_of(expected, rays);
     expect_same(answers_of(world, rays), wanted, world.meshes.size());
-    world.lazy->end_pass();
+    world.lazy->merge_built_patches();
     expect_same(answers_of(world, rays), wanted, world.meshes.size());
     EXPECT_GT(
         std::ranges::count_if(
@@ -206,7 +206,7 @@ TEST(LazyPatches, AreHitTheSameInAnyOrder) {
     const std::vector<Answer> wanted = answers_of(forward, rays);
     std::ranges::reverse(rays);
     answers_of(backward, {rays.begin(), rays.begin() + 100});
-    backward.lazy->end_pass();
+    backward.lazy->merge_built_patches();
     std::vector<Answer> answers = answers_of(backward, rays);
     std::ranges::reverse(answers);
     expect_same(answers, wanted, forward.meshes.size());

@@ -44,6 +44,12 @@ struct CameraSamples {
     uint32_t width = 1, height = 1;
 };
 
+// Memory of the process.
+struct MemoryBudget {
+    uint64_t limit = 0;    // bytes that it may take, in all; 0: as many as there are
+    uint64_t reserved = 0; // of these: what the caller takes once the world is built (the film)
+};
+
 struct BuildSettings {
     double frame = 1.0, fps = 24.0;
     double shutter_open = 0.0, shutter_close = 0.0; // frames, relative to `frame`; open <= close
@@ -62,6 +68,7 @@ struct BuildSettings {
     // as all, 0: they stay.
     double widening = 0.0;
     bool trace_curves = true; // false: curves are made but not traced (baking)
+    MemoryBudget memory{};
     bool lazy = false;        // patches of curves are made when a ray meets them (lazy_curves.h)
     // Straight pieces per segment; 0: trace the cubic; -1: the tolerance chooses (curve_pieces.h).
     int curve_pieces = -1;

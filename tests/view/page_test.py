@@ -310,9 +310,12 @@ def test_flip_book(view):
     first, last = view.js("marram.state.scene.frames")
     view.js(f"marram.state.scene.frames = [{first}, {first + 7}]; const s = document.querySelector('#samples'); s.add(new Option('1')); s.value = '1'")
     view.view_focus()
+    before = view.js("fake_log.length")
     view.page.key("b")
     check("B makes a flip-book", view.wait("marram.flip_book.done() && marram.flip_book.frames() === 8"))
-    check("of every frame once", view.js("fake_log.filter(m => m.type === 'render').slice(-8).map(m => m.frame).join()") == ",".join(str(first + i) for i in range(8)))
+    # A late answer to what came before lets it ask for a picture anew: what counts is the order of those that it took.
+    frames = view.js(f"[...new Set(fake_log.slice({before}).filter(m => m.type === 'render').map(m => m.frame))].join()")
+    check("of every frame in order", frames == ",".join(str(first + i) for i in range(8)), frames)
     asked = view.js("fake_log.filter(m => m.type === 'frame').length")
     view.js("window.leaves = new Set(); window.watch_leaves = setInterval(() => leaves.add(marram.flip_book.seen()), 5)")
     check("it is played", view.js("marram.player.playing") and view.wait("leaves.size === 8"))

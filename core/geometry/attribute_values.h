@@ -16,9 +16,12 @@ struct AttributeValues {
     std::string name;
     uint32_t components = 1;
     MarramRate rate = MARRAM_PER_CURVE;
-    std::vector<float> values; // `components` for each curve, CV, vertex or face
-    bool discrete = false;     // an id or class, not a quantity: never averaged
-    bool animated = false;     // differs from frame to frame
+    std::vector<float> values;   // `components` for each curve, CV, vertex or face
+    bool discrete = false;       // an id or class, not a quantity: never averaged
+    bool animated = false;       // differs from frame to frame
+    const float* lazy = nullptr; // of lazy curves, whose memory is reserved: in place of `values`
+
+    const float* data() const { return lazy ? lazy : values.data(); }
 };
 
 // nullptr where there is no such attribute.

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <sys/mman.h>
+#include <unistd.h>
 
 #include <cstddef>
 #include <cstdint>
@@ -26,6 +27,14 @@ class ReservedMemory {
     template <typename T>
     T* as() const {
         return static_cast<T*>(memory_);
+    }
+
+    // Gives back the pages that lie wholly in a range, which are zeros again.
+    static void give_back(void* begin, size_t bytes) {
+        const auto page = size_t(sysconf(_SC_PAGESIZE));
+        const auto from = (reinterpret_cast<uintptr_t>(begin) + page - 1) / page * page,
+                   to = (reinterpret_cast<uintptr_t>(begin) + bytes) / page * page;
+        if (from < to) madvise(reinterpret_cast<void*>(from), to - from, MADV_DONTNEED);
     }
 
   private:

@@ -9,10 +9,13 @@
 #include "core/math/vec.h"
 #include "core/plugin/marram_plugin.h"
 
+#include <oneapi/tbb/rw_mutex.h>
+
 #include <atomic>
 #include <cstdint>
 #include <map>
 #include <memory>
+#include <shared_mutex>
 #include <string>
 #include <vector>
 
@@ -100,22 +103,29 @@ class LazyGeometry {
     virtual void raise_failure() = 0;
     // Call between passes, when no ray is traced: later ones are faster.
     virtual void merge_built_patches() = 0;
+    // Held from tracing a ray to the last look at what it hit: no patch is evicted meanwhile.
+    [[nodiscard]] std::shared_lock<tbb::rw_mutex> keep() { return std::shared_lock(in_use_); }
+    // Whether patches are to be evicted, as memory is short. Ask it often: let go of keep(), call
+    // evict_patches(), and take keep() again.
+    bool is_short() const { return short_.load(std::memory_order_relaxed); }
+    virtual void evict_patches() = 0;
     double reach = 0.0; // as World::reach, of what has become part of the world's own scene
 
   protected:
-    std::atomic<bool> failed_{false};
+    std::atomic<bool> failed_{false}, short_{false};
+    tbb::rw_mutex in_use_; // a thread that waits to write goes first
 };
 
-struct DeviceErrors;
+struct DeviceState;
 
 // Key: the geometry IDs of the meshes in the scene, ascending.
 using ColliderScenes = std::map<std::vector<uint32_t>, std::shared_ptr<RTCSceneTy>>;
 
 struct World {
     std::shared_ptr<RTCDeviceTy> device;
-    std::shared_ptr<DeviceErrors> errors;  // the device's
-    ColliderScenes collider_scenes;        // of growth surfaces, one for each set that is traced
-    std::shared_ptr<RTCSceneTy> colliders; // all meshes; empty if no strands are made
+    std::shared_ptr<DeviceState> device_state; // the device's
+    ColliderScenes collider_scenes;            // of growth surfaces, one for each set that is traced
+    std::shared_ptr<RTCSceneTy> colliders;     // all meshes; empty if no strands are made
     std::shared_ptr<RTCSceneTy>
         scene; // meshes as the camera sees them, and curves: rays are traced against it
     double frame = 0.0;

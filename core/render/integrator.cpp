@@ -106,12 +106,18 @@ void render_pixel(const RenderContext& context, uint32_t x, uint32_t y, uint32_t
 void render_tile(const RenderContext& context, const Tile& tile, uint32_t end, Film& film, RenderStats& stats,
                  RenderProgress* progress, const Deadline& deadline) {
     bool stopped = false;
+    LazyGeometry* const lazy = context.world.lazy.get();
     for (uint32_t y = tile.y0; y < tile.y1 && !stopped; ++y) {
         uint64_t advanced = 0; // samples
+        auto kept = lazy ? lazy->keep() : std::shared_lock<tbb::rw_mutex>();
         for (uint32_t x = tile.x0; x < tile.x1; ++x) {
-            stopped = cancelled(progress) || deadline.passed() ||
-                      (context.world.lazy && context.world.lazy->failed());
+            stopped = cancelled(progress) || deadline.passed() || (lazy && lazy->failed());
             if (stopped) break;
+            if (lazy && lazy->is_short()) {
+                kept.unlock();
+                lazy->evict_patches();
+                kept.lock();
+            }
             FilmPixel& pixel = film.pixel_states[static_cast<size_t>(y) * film.width + x];
             const uint32_t begin = pixel.next_sample;
             if (begin >= end) continue; // completed by an earlier render() that stopped within this pass

@@ -77,10 +77,10 @@ std::vector<ParamSpec> film_params() {
         {"motion_keys", integer, "", "none", 2, 64, "",
          "motion samples over the shutter; default: as many as meshes and strands need to stay within the "
          "tolerance"},
-        {"geometry", choice, "", "eager", -any, any, "eager|lazy",
-         "when strands are made: all before the first ray, or a patch of them when a ray first meets it, "
-         "which takes less "
-         "memory and time where most are not seen, and more where all are"},
+        {"geometry", choice, "", "auto", -any, any, "auto|eager|lazy",
+         "when strands are made: all before the first ray; or a patch of them when a ray first meets it, "
+         "which takes less memory and time where most are not seen, and more where all are; \"auto\": the "
+         "latter for grooms that would take 1 GB or more, of which less than half is in view"},
         {"curve_pieces", integer, "", "none", 0, 64, "",
          "straight pieces a segment of round curves and ribbons, 0: cubic; default: the fewest within half "
          "of the tolerance and a quarter of a pixel, cubic if more than 4 are needed"},

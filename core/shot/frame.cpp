@@ -270,7 +270,8 @@ World build_frame(Frame& frame, KeptGeometry kept) {
     BuildSettings settings = build_settings(frame.shot, frame.files.frame);
     settings.attributes = wanted_attributes(frame.shot, frame.layers);
     settings.camera = camera_samples(frame.shot, frame.files.frame);
-    settings.lazy = frame.shot.description.film.text("geometry") == "lazy";
+    const std::string& geometry = frame.shot.description.film.text("geometry");
+    settings.lazy = geometry == "lazy" ? Lazy::always : geometry == "auto" ? Lazy::automatic : Lazy::never;
     World world = build_world(frame.shot.geometry, settings, frame.cancel, frame.progress.build,
                               frame.stats.build, std::move(kept));
     check_root_uvs(frame.shot, world);

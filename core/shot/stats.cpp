@@ -71,10 +71,14 @@ nlohmann::ordered_json to_json(const FrameStats& stats) {
     json["memory"] = {{"peak_bytes", uint64_t(usage.ru_maxrss) * 1024}, // of the process so far
                       {"curve_bytes", build.curve_bytes},
                       {"curve_extra_bytes", build.attribute_bytes},
+                      {"embree_bytes", build.embree_bytes}, // BVHs and vertices, after the build
+                      {"embree_peak_bytes", build.embree_peak_bytes},
                       {"volume_bytes", build.volume_bytes}};
     if (build.patches > 0) // of lazy curves
         json["lazy"] = {{"patches", build.patches},
                         {"built", build.built_patches},
+                        {"evicted", build.evicted_patches},
+                        {"rebuilt", build.rebuilt_patches},
                         {"thread_seconds", build.lazy_thread_seconds},
                         {"merging", build.lazy_merging}};
     if (stats.memory_limit > 0) json["memory"]["limit_bytes"] = stats.memory_limit;

@@ -477,14 +477,14 @@ void attribute_at(const CurveGeometry& curves, const AttributeValues& attribute,
                   float* values) {
     const size_t components = attribute.components;
     if (attribute.rate == MARRAM_PER_CURVE) {
-        std::copy_n(attribute.values.data() + point.strand * components, components, values);
+        std::copy_n(attribute.data() + point.strand * components, components, values);
         return;
     }
     const CurveLayout layout = curves.layout();
     const uint32_t first =
         std::min(static_cast<uint32_t>(point.segment_position), layout.cvs(point.strand) - 2);
     const float within = point.segment_position - static_cast<float>(first);
-    const float* a = attribute.values.data() + (layout.first_cv(point.strand) + first) * components;
+    const float* a = attribute.data() + (layout.first_cv(point.strand) + first) * components;
     if (attribute.discrete) {
         std::copy_n(within < 0.5F ? a : a + components, components, values);
         return;
@@ -496,12 +496,12 @@ void attribute_at(const MeshGeometry& mesh, const AttributeValues& attribute, co
                   float* values) {
     const size_t components = attribute.components;
     if (attribute.rate == MARRAM_PER_FACE) {
-        std::copy_n(attribute.values.data() + point.primitive * components, components, values);
+        std::copy_n(attribute.data() + point.primitive * components, components, values);
         return;
     }
     const std::array<uint32_t, 3>& corners = mesh.triangles[point.primitive];
     const float u = point.barycentrics.x(), v = point.barycentrics.y(), w = 1.0F - u - v;
-    const auto corner = [&](size_t k) { return attribute.values.data() + size_t(corners[k]) * components; };
+    const auto corner = [&](size_t k) { return attribute.data() + size_t(corners[k]) * components; };
     if (attribute.discrete) {
         std::copy_n(corner(w >= u && w >= v ? 0 : u >= v ? 1 : 2), components, values);
         return;

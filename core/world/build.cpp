@@ -6,6 +6,7 @@
 #include "core/math/digest.h"
 #include "core/trace/round_pieces.h"
 #include "core/world/build_state.h"
+#include "core/world/curve_memory.h"
 #include "core/world/lazy_curves.h"
 
 #include <algorithm>
@@ -65,6 +66,7 @@ void make_all(Build& build, bool with_curves) {
     build.stats.volume_bytes = volume_bytes(build.geometry);
     for (const size_t i : order_of(build.geometry.procedurals)) {
         Procedural& procedural = *build.geometry.procedurals[i];
+        if (reads_refused(build, procedural)) continue;
         if (procedural.kind() == MARRAM_MESH) {
             const double start = wall_seconds(), colliders_before = build.stats.colliders;
             make_mesh(build, procedural, build.mesh_ids[i]);
@@ -78,6 +80,7 @@ void make_all(Build& build, bool with_curves) {
         if (with_curves || std::ranges::any_of(build.geometry.procedurals, uses_procedural))
             make_curves(build, procedural, keys);
     }
+    raise_refused(build);
     build.world.times = build.times(std::max(build.stats.motion_keys, 2U));
     build.stats.motion_keys = uint32_t(build.world.times.size());
     // The collider scene of all meshes: it detects penetrating strands, and gives the bounds if curves are
@@ -97,11 +100,12 @@ void make_all(Build& build, bool with_curves) {
 void make_device(Build& build) {
     World& world = build.world;
     world.device = std::move(build.kept.device);
-    world.errors = std::move(build.kept.errors);
+    world.device_state = std::move(build.kept.device_state);
     if (world.device)
-        clear_errors(*world.errors);
+        reset(*world.device_state);
     else
-        world.device = make_device(world.errors);
+        world.device = make_device(world.device_state);
+    limit_device(build);
 }
 
 } // namespace
@@ -201,10 +205,13 @@ World build_world(SceneGeometry& geometry, const BuildSettings& settings, const 
     }
     attach_curves(build);
 
+    limit_device(build);
     const double bvh_begin = wall_seconds();
     if (settings.trace_curves) commit(build, world.scene.get(), "building the BVH");
     mark_round_pieces(world);
     stats.bvh += wall_seconds() - bvh_begin;
+    stats.embree_bytes = uint64_t(world.device_state->bytes.load());
+    stats.embree_peak_bytes = uint64_t(world.device_state->peak.load());
     RTCBounds bounds{};
     rtcGetSceneBounds(settings.trace_curves ? world.scene.get() : world.colliders.get(), &bounds);
     world.bounds = Box3f(Vec3f(bounds.lower_x, bounds.lower_y, bounds.lower_z),
@@ -227,6 +234,7 @@ World build_world(SceneGeometry& geometry, const BuildSettings& settings, const 
             procedural->set_cancellable(false);
             lazy.procedurals.push_back(procedural.get());
         }
+        lazy.set_budget(settings.memory);
     }
     return std::move(build.world);
 }

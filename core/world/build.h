@@ -50,6 +50,8 @@ struct MemoryBudget {
     uint64_t reserved = 0; // of these: what the caller takes once the world is built (the film)
 };
 
+enum class Lazy : uint8_t { never, always, automatic }; // lazy_choice.h
+
 struct BuildSettings {
     double frame = 1.0, fps = 24.0;
     double shutter_open = 0.0, shutter_close = 0.0; // frames, relative to `frame`; open <= close
@@ -69,7 +71,7 @@ struct BuildSettings {
     double widening = 0.0;
     bool trace_curves = true; // false: curves are made but not traced (baking)
     MemoryBudget memory{};
-    bool lazy = false;        // patches of curves are made when a ray meets them (lazy_curves.h)
+    Lazy lazy = Lazy::never; // patches of curves are made when a ray meets them
     // Straight pieces per segment; 0: trace the cubic; -1: the tolerance chooses (curve_pieces.h).
     int curve_pieces = -1;
     std::string state_folder; // for the states of simulations; "": keep them in memory for this run
@@ -100,12 +102,14 @@ struct BuildStats {
     // Settings that the tolerance chose, by procedural and setting, such as "fur.cvs".
     std::map<std::string, double> chosen;
     uint64_t curves = 0, cvs = 0, segments = 0, triangles = 0; // lazy ones too, built or not
-    uint64_t patches = 0, built_patches = 0;                   // of lazy curves; known after tracing
-    double lazy_thread_seconds = 0.0; // of all threads, spent on these while rays were traced
-    double lazy_merging = 0.0;        // wall seconds, likewise
-    uint64_t curve_bytes = 0;         // vertices, normals, indices, primitives of parts
-    uint64_t attribute_bytes = 0;     // of curves
-    uint64_t volume_bytes = 0;        // of velocities, all files of sequences
+    // Of lazy curves; known after tracing. rebuilt: how often patches were built that had been evicted.
+    uint64_t patches = 0, built_patches = 0, rebuilt_patches = 0, evicted_patches = 0;
+    double lazy_thread_seconds = 0.0;                 // of all threads, spent on these while rays were traced
+    double lazy_merging = 0.0;                        // wall seconds, likewise
+    uint64_t curve_bytes = 0;                         // vertices, normals, indices, primitives of parts
+    uint64_t attribute_bytes = 0;                     // of curves
+    uint64_t embree_bytes = 0, embree_peak_bytes = 0; // of Embree's device: after the build, and during it
+    uint64_t volume_bytes = 0;                        // of velocities, all files of sequences
     std::vector<Problem> warnings;
     std::vector<Box3f> patch_bounds; // as declared by the procedurals, in curve order
 };

@@ -5,7 +5,9 @@
 #include "core/trace/curve_pieces.h"
 #include "core/trace/round_pieces.h"
 #include "core/world/build_state.h"
+#include "core/world/curve_memory.h"
 #include "core/world/curve_parts.h"
+#include "core/world/lazy_choice.h"
 #include "core/world/lazy_curves.h"
 #include "core/world/lent_geometry.h"
 
@@ -92,6 +94,26 @@ float* reserve(CurveBuild& item, size_t bytes) {
     return memory->as<float>();
 }
 
+// Chooses the attributes that anything needs.
+void choose_attributes(const Build& build, CurveBuild& item) {
+    const std::vector<MarramAttribute>& attributes = item.procedural->attributes();
+    // If another procedural reads these curves, it may use any attribute: keep all.
+    const auto uses_curves = [&](const auto& other) { return other->names(item.procedural->name()); };
+    const bool read_by_others = std::ranges::any_of(build.geometry.procedurals, uses_curves);
+    for (uint32_t a = 0; a < attributes.size(); ++a) {
+        const MarramAttribute& attribute = attributes[a];
+        if (!read_by_others &&
+            std::ranges::find(build.settings.attributes, attribute.name) == build.settings.attributes.end())
+            continue;
+        if ((attribute.rate != MARRAM_PER_CURVE && attribute.rate != MARRAM_PER_CV) ||
+            attribute.components < 1 || attribute.components > 4)
+            item.procedural->refuse(
+                fmt::format("its attribute '{}' is not 1 to 4 floats per curve or per CV", attribute.name),
+                "fix the library");
+        item.attributes.push_back(a);
+    }
+}
+
 void allocate_vertices(Build& build, CurveBuild& item, size_t vertices) {
     const MarramOutput& output = item.output;
     const bool oriented = output.shape == MARRAM_ORIENTED_RIBBON;
@@ -139,27 +161,17 @@ void allocate(Build& build, CurveBuild& item) {
     }
     curves.vertices.assign(item.vertices.begin(), item.vertices.end());
     curves.normals.assign(item.normals.begin(), item.normals.end());
-    const std::vector<MarramAttribute>& attributes = item.procedural->attributes();
-    // If another procedural reads these curves, it may use any attribute: keep all.
-    const auto uses_curves = [&](const auto& other) { return other->names(curves.name); };
-    const bool read_by_others = std::ranges::any_of(build.geometry.procedurals, uses_curves);
-    for (uint32_t a = 0; a < attributes.size(); ++a) {
-        const MarramAttribute& attribute = attributes[a];
-        if (!read_by_others &&
-            std::ranges::find(build.settings.attributes, attribute.name) == build.settings.attributes.end())
-            continue;
-        if ((attribute.rate != MARRAM_PER_CURVE && attribute.rate != MARRAM_PER_CV) ||
-            attribute.components < 1 || attribute.components > 4)
-            item.procedural->refuse(
-                fmt::format("its attribute '{}' is not 1 to 4 floats per curve or per CV", attribute.name),
-                "fix the library");
-        item.attributes.push_back(a);
-        const size_t values =
-            (attribute.rate == MARRAM_PER_CV ? layout.cv_count() : count) * attribute.components;
-        curves.attributes.push_back({attribute.name, attribute.components, attribute.rate,
-                                     std::vector<float>(values), attribute.discrete != 0});
-        item.attribute_values.push_back(curves.attributes.back().values.data());
-        build.stats.attribute_bytes += values * sizeof(float);
+    for (const uint32_t a : item.attributes) {
+        const MarramAttribute& attribute = item.procedural->attributes()[a];
+        const size_t values = item.value_count(attribute);
+        AttributeValues& made = curves.attributes.emplace_back();
+        made = {attribute.name, attribute.components, attribute.rate, {}, attribute.discrete != 0};
+        if (item.lazy)
+            made.lazy = reserve(item, values * sizeof(float));
+        else
+            made.values.resize(values);
+        item.attribute_values.push_back(const_cast<float*>(made.data()));
+        if (!item.lazy) build.stats.attribute_bytes += values * sizeof(float);
     }
     build.stats.curves += count;
     build.stats.cvs += layout.cv_count();
@@ -342,7 +354,7 @@ void attach_lazy(Build& build, CurveBuild& item, TracedVertices traced, uint32_t
     if (item.curves.pieces > 0) world.filtered = true;
     item.curves.lazy = true;
     world.curves.push_back(std::move(item.curves));
-    if (!world.lazy) world.lazy = std::make_shared<LazyWorld>(world.scene, world.errors);
+    if (!world.lazy) world.lazy = std::make_shared<LazyWorld>(world.scene, world.device_state);
     auto& lazy = static_cast<LazyWorld&>(*world.lazy);
     const size_t end_key_hit_id = world.meshes.size() + build.items.size() + world.curve_parts.size();
     if (item.has_parts) world.curve_parts.push_back({.curves = set, .end_keys_only = true});
@@ -498,12 +510,14 @@ void make_curves(Build& build, Procedural& procedural, uint32_t keys) {
     check_patches(item);
     if (item.output.time_count != 1 && item.output.time_count != keys)
         procedural.refuse("its number of motion samples is not the requested one", "fix the library");
-    if (can_be_lazy(build, procedural, item.output)) {
-        item.lazy = true;
+    choose_attributes(build, item);
+    item.lazy = is_lazy(build, item);
+    if (item.lazy) {
         item.lent = lent;
         if (tolerance_chooses_pieces(item.output, build.settings) || (build.chooses_keys() && keys > 2))
             item.sample_patches = patches_to_look_at(item, build.settings.view);
     }
+    if (!item.lazy && !fits_memory(build, item)) return; // make_all() ends the frame
     allocate(build, item);
     const double begin = wall_seconds();
     const std::vector<uint32_t> to_make = item.patches_made_early();
@@ -534,6 +548,7 @@ void attach_curves(Build& build) {
         item.curves.pieces = choose_pieces(build, item, allow_round_pieces);
         find_end_key_curves(build, item);
     }
+    check_memory(build);
     const bool spans = std::ranges::none_of(build.items, [&](const CurveBuild& item) {
         return is_traced(item) && item.vertices.size() > 2 && !item.has_parts;
     });

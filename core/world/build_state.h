@@ -34,6 +34,11 @@ struct CurveBuild {
     std::vector<std::shared_ptr<void>> memory; // lazy: owns vertices and normals
 
     CurveLayout layout() const { return {output.curve_count, output.cvs_per_curve, output.offsets}; }
+    // Floats of one attribute.
+    size_t value_count(const MarramAttribute& attribute) const {
+        return (attribute.rate == MARRAM_PER_CV ? layout().cv_count() : output.curve_count) *
+               attribute.components;
+    }
     std::vector<uint32_t> patches_made_early() const {
         if (lazy) return sample_patches;
         std::vector<uint32_t> all(patches.size());
@@ -58,6 +63,10 @@ struct Build {
     std::vector<std::shared_ptr<LentGeometry>>
         lent{};                      // to mesh procedurals, which may read it until the frame ends
     std::vector<CurveBuild> items{}; // in the order they were made
+    // Those whose curves do not fit into memory: nothing is made from then on, only counted.
+    std::vector<const Procedural*> refused{};
+    uint64_t unmade_bytes = 0,
+             bvh_bytes = 0; // of their arrays; of the BVHs of all curves, while they are built
     std::vector<std::shared_ptr<RTCGeometryTy>> curves{}; // own the buffers that World::curves points into
 
     double open() const { return settings.frame + settings.shutter_open; }
@@ -69,7 +78,7 @@ struct Build {
     // Throws the error that Embree has reported, if any, or Cancelled.
     void check_device() const {
         if (cancel.load()) throw Cancelled{};
-        raise(*world.errors);
+        raise(*world.device_state);
     }
 };
 

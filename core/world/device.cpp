@@ -10,17 +10,32 @@ namespace marram {
 namespace {
 
 void on_device_error(void* user, RTCError code, const char* text) {
-    DeviceErrors& errors = *static_cast<DeviceErrors*>(user);
-    const std::lock_guard guard(errors.lock);
-    if (errors.code != RTC_ERROR_NONE) return;
-    errors.code = code;
-    errors.text = text ? text : "";
+    DeviceState& state = *static_cast<DeviceState*>(user);
+    const std::lock_guard guard(state.lock);
+    if (state.code != RTC_ERROR_NONE) return;
+    state.code = code;
+    state.text = text ? text : "";
+}
+
+// done: what is told has been allocated or freed before. False: an allocation is to fail.
+bool on_device_memory(void* user, ssize_t bytes, bool done) {
+    DeviceState& state = *static_cast<DeviceState*>(user);
+    const int64_t now = state.bytes.fetch_add(bytes, std::memory_order_relaxed) + bytes;
+    if (bytes <= 0) return true;
+    if (now > state.limit.load(std::memory_order_relaxed)) {
+        if (!done) state.bytes.fetch_sub(bytes, std::memory_order_relaxed);
+        return false;
+    }
+    for (int64_t peak = state.peak.load(std::memory_order_relaxed);
+         now > peak && !state.peak.compare_exchange_weak(peak, now, std::memory_order_relaxed);) {
+    }
+    return true;
 }
 
 } // namespace
 
-std::shared_ptr<RTCDeviceTy> make_device(std::shared_ptr<DeviceErrors>& errors) {
-    errors = std::make_shared<DeviceErrors>();
+std::shared_ptr<RTCDeviceTy> make_device(std::shared_ptr<DeviceState>& state) {
+    state = std::make_shared<DeviceState>();
     // Embree's tasks run in the caller's arena; it must not start its own threads or pin ours to cores.
     RTCDevice device = rtcNewDevice("set_affinity=0,start_threads=0");
     if (!device) {
@@ -29,24 +44,29 @@ std::shared_ptr<RTCDeviceTy> make_device(std::shared_ptr<DeviceErrors>& errors) 
             throw InputError({"embree"}, "Embree does not run on this processor", "use one that has SSE2");
         throw std::bad_alloc(); // otherwise it lacks memory, possibly for threads' stacks
     }
-    rtcSetDeviceErrorFunction(device, on_device_error, errors.get());
-    return {device, [errors](RTCDevice d) { rtcReleaseDevice(d); }};
+    rtcSetDeviceErrorFunction(device, on_device_error, state.get());
+    rtcSetDeviceMemoryMonitorFunction(device, on_device_memory, state.get());
+    return {device, [state](RTCDevice d) { rtcReleaseDevice(d); }};
 }
 
-void clear_errors(DeviceErrors& errors) {
-    const std::lock_guard guard(errors.lock);
-    errors.code = RTC_ERROR_NONE;
-    errors.text.clear();
+void reset(DeviceState& state) {
+    const std::lock_guard guard(state.lock);
+    state.code = RTC_ERROR_NONE;
+    state.text.clear();
+    state.peak = state.bytes.load();
+    state.limit = std::numeric_limits<int64_t>::max();
 }
 
-void raise(DeviceErrors& errors) {
-    const std::lock_guard guard(errors.lock);
-    if (errors.code == RTC_ERROR_NONE) return;
-    if (errors.code == RTC_ERROR_CANCELLED) throw Cancelled{};
-    const bool memory = errors.code == RTC_ERROR_OUT_OF_MEMORY;
+void raise(DeviceState& state) {
+    const std::lock_guard guard(state.lock);
+    if (state.code == RTC_ERROR_NONE) return;
+    if (state.code == RTC_ERROR_CANCELLED) throw Cancelled{};
+    const bool memory = state.code == RTC_ERROR_OUT_OF_MEMORY;
     throw InputError({"embree"},
-                     memory ? "the scene does not fit into memory" : "Embree failed: " + errors.text,
-                     memory ? "use fewer strands, CVs or motion keys" : "report it with the scene");
+                     memory ? "the scene does not fit into the memory that this process may take"
+                            : "Embree failed: " + state.text,
+                     memory ? "allow more with --memory, or use fewer strands, CVs or motion keys"
+                            : "report it with the scene");
 }
 
 } // namespace marram

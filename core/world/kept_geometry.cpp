@@ -41,7 +41,7 @@ KeptGeometry kept_geometry(World world) {
         if (std::ranges::all_of(ids, [&](uint32_t id) { return kept.growth_surfaces.contains(id); }))
             kept.collider_scenes.emplace(ids, std::move(scene));
     kept.device = std::move(world.device);
-    kept.errors = std::move(world.errors);
+    kept.device_state = std::move(world.device_state);
     return kept;
 }
 

@@ -13,7 +13,7 @@ namespace marram {
 
 struct KeptGeometry {
     std::shared_ptr<RTCDeviceTy> device; // collider scenes belong to it
-    std::shared_ptr<DeviceErrors> errors;
+    std::shared_ptr<DeviceState> device_state;
     std::map<uint32_t, MeshGeometry> growth_surfaces, render_meshes; // by geometry ID
     ColliderScenes collider_scenes;
 

@@ -2,9 +2,12 @@
 #include "core/world/lazy_curves.h"
 
 #include "core/geometry/cubic.h"
+#include "core/geometry/reserved_memory.h"
 #include "core/math/clock.h"
+#include "core/math/resident_memory.h"
 #include "core/trace/curve_pieces.h"
 #include "core/trace/round_pieces.h"
+#include "core/world/curve_memory.h"
 #include "core/world/lent_geometry.h"
 
 #include <fmt/format.h>
@@ -19,6 +22,10 @@
 
 namespace marram {
 namespace {
+
+// Least number of patches a thread for which there must be memory: rays of a few pixels meet more, but evicting
+// is what makes room.
+constexpr uint64_t patches_at_once = 8;
 
 // Whether a ray meets a box.
 bool meets(const Box3f& box, const RTCRay& ray) {
@@ -84,10 +91,52 @@ LazyCurves::LazyCurves(const Build& build, LazyWorld& world, CurveBuild item, Tr
       curve_id_(uint32_t(build.world.meshes.size()) + set), end_key_hit_id_(end_key_hit_id),
       pieces_(build.world.curves[set].pieces), spans_(spans && item_.has_parts),
       end_key_limit_(end_key_limit(build.settings)), view_(build.settings.view), device_(build.world.device),
-      errors_(build.world.errors), world_(world), patches_(std::make_unique<Patch[]>(item_.patches.size())) {
+      device_state_(build.world.device_state), world_(world),
+      patches_(std::make_unique<Patch[]>(item_.patches.size())) {
+    memory_ = curve_memory(item_, pieces_);
     for (const uint32_t index : item_.sample_patches) patches_[index].state = tessellated;
     boxes_.resize(item_.patches.size());
     std::iota(boxes_.begin(), boxes_.end(), 0U);
+}
+
+// Of what is written of a patch, besides its BVH.
+void LazyCurves::forget(uint32_t index) {
+    const MarramPatch& of = item_.patches[index];
+    const CurveLayout layout = item_.layout();
+    const auto give_back = [](float* values, uint64_t begin, uint64_t end, size_t components) {
+        ReservedMemory::give_back(values + begin * components, (end - begin) * components * sizeof(float));
+    };
+    const uint64_t end_curve = of.first_curve + of.curve_count, begin = layout.first_vertex(of.first_curve),
+                   end = layout.first_vertex(end_curve);
+    for (float* vertices : item_.vertices) give_back(vertices, begin, end, 4);
+    for (float* normals : item_.normals) give_back(normals, begin, end, 3);
+    if (pieces_ > 0)
+        for (float* vertices : traced_.vertices)
+            give_back(vertices, first_vertex(of.first_curve), first_vertex(end_curve), 4);
+    for (size_t a = 0; a < item_.attributes.size(); ++a) {
+        const MarramAttribute& attribute = item_.procedural->attributes()[item_.attributes[a]];
+        const bool per_cv = attribute.rate == MARRAM_PER_CV;
+        give_back(item_.attribute_values[a], per_cv ? layout.first_cv(of.first_curve) : of.first_curve,
+                  per_cv ? layout.first_cv(end_curve) : end_curve, attribute.components);
+    }
+    Patch& patch = patches_[index];
+    bytes_ -= std::exchange(patch.bytes, 0);
+    ++evicted_;
+    patch.state.store(absent, std::memory_order_relaxed);
+}
+
+void LazyCurves::list_built(std::vector<Built>& patches) {
+    for (const uint32_t index : boxes_)
+        if (patches_[index].state.load(std::memory_order_relaxed) == built)
+            patches.push_back({patches_[index].met.load(std::memory_order_relaxed), index, this});
+}
+
+void LazyCurves::evict(uint32_t index) {
+    Patch& patch = patches_[index];
+    rtcReleaseScene(std::exchange(patch.scene, nullptr));
+    patch.parts = std::vector<std::unique_ptr<PatchPart>>();
+    --unmerged_patches_;
+    forget(index);
 }
 
 LazyCurves::~LazyCurves() {
@@ -169,7 +218,10 @@ const LazyCurves::Patch* LazyCurves::patch_for_ray(uint32_t index, const RTCRay&
         patch.state.store(state, std::memory_order_release);
         patch.state.notify_all();
     }
-    return meets(patch.box, ray) ? &patch : nullptr;
+    if (!meets(patch.box, ray)) return nullptr;
+    if (const uint32_t turn = world_.turn(); patch.met.load(std::memory_order_relaxed) != turn)
+        patch.met.store(turn, std::memory_order_relaxed);
+    return &patch;
 }
 
 // The vertices of one patch: pointers to its first, and how many.
@@ -185,6 +237,7 @@ TracedVertices LazyCurves::traced_of(uint32_t index) const {
 
 void LazyCurves::build(uint32_t index, bool is_tessellated) {
     const double begin = wall_seconds();
+    world_.check_budget();
     Patch& patch = patches_[index];
     const MarramPatch& of = item_.patches[index];
     const CurveLayout layout = item_.layout();
@@ -196,6 +249,7 @@ void LazyCurves::build(uint32_t index, bool is_tessellated) {
     uint64_t bytes =
         (layout.first_vertex(of.first_curve + of.curve_count) - layout.first_vertex(of.first_curve)) * keys *
         (traced.normals.empty() ? 16 : 28);
+    patch.reach = 0.0;
     if (pieces_ > 0) {
         bytes += traced.vertex_count * keys * 16;
         const size_t first = 4 * layout.first_vertex(of.first_curve);
@@ -230,12 +284,21 @@ void LazyCurves::build(uint32_t index, bool is_tessellated) {
             bytes += indices.vertices.size() * (all ? 4 : 8);
         }
     }
+    for (const uint32_t a : item_.attributes) {
+        const MarramAttribute& attribute = item_.procedural->attributes()[a];
+        bytes += attribute.components * sizeof(float) *
+                 (attribute.rate == MARRAM_PER_CV
+                      ? layout.first_cv(of.first_curve + of.curve_count) - layout.first_cv(of.first_curve)
+                      : of.curve_count);
+    }
     rtcCommitScene(scene);
-    raise(*errors_);
+    raise(*device_state_);
     patch.box = box_of(traced, item_, pieces_ > 0);
     if (patch.reach > 0.0)
         for (size_t t = 0; t < keys; ++t) mark_round_vertices(traced.vertices[t], traced.vertex_count);
-    ++built_;
+    ++(patch.builds++ == 0 ? built_ : rebuilt_);
+    ++unmerged_patches_;
+    patch.bytes = bytes;
     bytes_ += bytes;
     build_time_ += uint64_t(1e9 * (wall_seconds() - begin));
 }
@@ -243,15 +306,11 @@ void LazyCurves::build(uint32_t index, bool is_tessellated) {
 void LazyCurves::merge(RTCScene scene) {
     std::vector<uint32_t> vertices[2];
     for (const auto& primitives : merged_) primitives->clear();
-    boxes_.clear();
-    merged_patches_ = 0;
+    merged_patches_ = unmerged_patches_ = 0;
     for (uint32_t i = 0; i < item_.patches.size(); ++i) {
         Patch& patch = patches_[i];
         const uint32_t state = patch.state.load(std::memory_order_relaxed);
-        if (state != built && state != merged) {
-            boxes_.push_back(i);
-            continue;
-        }
+        if (state != built && state != merged) continue;
         ++merged_patches_;
         patch.state.store(merged, std::memory_order_relaxed);
         if (patch.scene) rtcReleaseScene(std::exchange(patch.scene, nullptr));
@@ -270,7 +329,7 @@ void LazyCurves::merge(RTCScene scene) {
             std::ranges::copy(indices.primitives, std::back_inserter(*merged_[size_t(end_keys_only)]));
         }
     }
-    for (const unsigned id : std::exchange(attached_, {})) rtcDetachGeometry(scene, id);
+    detach_merged(scene);
     unsigned id = merged_id_;
     for (const bool end_keys_only : {true, false}) {
         if (end_keys_only && !item_.has_parts) continue;
@@ -286,14 +345,46 @@ void LazyCurves::merge(RTCScene scene) {
             ++id;
         }
     }
+    update_boxes();
+}
+
+void LazyCurves::detach_merged(RTCScene scene) {
+    for (const unsigned id : std::exchange(attached_, {})) rtcDetachGeometry(scene, id);
+}
+
+// Of patches that are not merged.
+void LazyCurves::update_boxes() {
+    boxes_.clear();
+    for (uint32_t i = 0; i < item_.patches.size(); ++i)
+        if (patches_[i].state.load(std::memory_order_relaxed) != merged) boxes_.push_back(i);
     rtcSetGeometryUserPrimitiveCount(box_geometry_, unsigned(boxes_.size()));
     rtcCommitGeometry(box_geometry_);
+}
+
+void LazyCurves::evict_merged(RTCScene scene) {
+    detach_merged(scene);
+    for (const auto& primitives : merged_) *primitives = std::vector<uint32_t>();
+    for (uint32_t i = 0; i < item_.patches.size(); ++i)
+        if (patches_[i].state.load(std::memory_order_relaxed) == merged) forget(i);
+    merged_patches_ = 0;
+    update_boxes();
 }
 
 void LazyCurves::restore_round_marks() {
     for (size_t i = 0; i < item_.patches.size(); ++i)
         if (patches_[i].state.load(std::memory_order_relaxed) == merged && patches_[i].reach > 0.0)
             for_vertices_of(item_.patches[i], [](float* radius) { *radius = -std::abs(*radius); });
+}
+
+uint64_t LazyCurves::largest_patch_bytes() const {
+    uint64_t largest = 0;
+    for (const MarramPatch& patch : item_.patches) largest = std::max<uint64_t>(largest, patch.curve_count);
+    return uint64_t(double(memory_.total()) * double(largest) / double(item_.output.curve_count));
+}
+
+uint64_t LazyCurves::merged_bvh_bytes() const {
+    const double share = double(unmerged_patches_ + merged_patches_) / double(item_.patches.size());
+    return uint64_t(share * double(memory_.bvh + memory_.building));
 }
 
 uint64_t LazyCurves::first_vertex(uint64_t curve) const {
@@ -316,19 +407,77 @@ void LazyWorld::merge_built_patches() {
     uint64_t more = 0, merged = 0;
     for (const auto& one : curves) more += one->unmerged_patches(), merged += one->merged_patches();
     if (2 * more <= merged) return;
+    if (limit_ > 0) {
+        uint64_t bytes = resident_bytes();
+        for (const auto& one : curves) bytes += one->merged_bvh_bytes();
+        if (bytes > high_) return;
+    }
     const double begin = wall_seconds();
     for (const auto& one : curves) one->merge(scene_.get());
     malloc_trim(0); // scenes of patches were allocated by all threads: none could use what another has freed
-    for (const auto& [vertices, count] : round_pieces)
-        for (size_t i = 0; i < count; ++i) vertices[4 * i + 3] = std::abs(vertices[4 * i + 3]);
-    rtcCommitScene(scene_.get());
-    raise(*errors_);
-    for (const auto& [vertices, count] : round_pieces) mark_round_vertices(vertices, count);
+    commit();
     for (const auto& one : curves) {
         one->restore_round_marks();
         reach = std::max(reach, one->merged_reach());
     }
     merging += wall_seconds() - begin;
+}
+
+void LazyWorld::set_budget(const MemoryBudget& memory) {
+    const uint64_t limit = memory.limit;
+    if (limit == 0) return;
+    const uint64_t used = resident_bytes() + memory.reserved, room = limit - std::min(used, limit);
+    uint64_t least = 0;
+    for (const auto& one : curves) least = std::max(least, one->largest_patch_bytes());
+    least *= patches_at_once * uint64_t(tbb::this_task_arena::max_concurrency());
+    if (room < least) refuse_memory(used + least, limit, "to trace rays in lazy strands", false);
+    limit_ = limit;
+    high_ = limit - room / 4;
+    low_ = limit - room / 2;
+    // BVHs of small scenes reserve memory that they do not touch: what is resident decides.
+    device_state_->limit = std::numeric_limits<int64_t>::max();
+}
+
+void LazyWorld::check_budget() {
+    builds_.fetch_add(1, std::memory_order_relaxed);
+    if (limit_ == 0) return;
+    const uint64_t used = resident_bytes();
+    if (used > high_) short_.store(true, std::memory_order_relaxed);
+    if (used > limit_)
+        refuse_memory(limit_ + (limit_ - low_), limit_, "for the strands that rays meet at the same time",
+                      false);
+}
+
+void LazyWorld::evict_patches() {
+    const std::unique_lock lock(in_use_);
+    if (short_.exchange(false, std::memory_order_relaxed)) evict(low_);
+}
+
+// Those that were met least recently first, an eighth of all at a time: how much memory each gives back is
+// known only afterwards.
+void LazyWorld::evict(uint64_t down_to) {
+    std::vector<LazyCurves::Built> patches;
+    for (const auto& one : curves) one->list_built(patches);
+    std::ranges::stable_sort(patches, {}, &LazyCurves::Built::met);
+    const size_t step = patches.size() / 8 + 1;
+    for (size_t i = 0; i < patches.size();) {
+        for (const size_t end = std::min(i + step, patches.size()); i < end; ++i)
+            patches[i].curves->evict(patches[i].index);
+        malloc_trim(0); // scenes of patches were allocated by all threads
+        if (resident_bytes() <= down_to) return;
+    }
+    if (std::ranges::none_of(curves, [](const auto& one) { return one->merged_patches() > 0; })) return;
+    for (const auto& one : curves) one->evict_merged(scene_.get());
+    commit();
+}
+
+// Embree wants radii that are not negative when it builds.
+void LazyWorld::commit() {
+    for (const auto& [vertices, count] : round_pieces)
+        for (size_t i = 0; i < count; ++i) vertices[4 * i + 3] = std::abs(vertices[4 * i + 3]);
+    rtcCommitScene(scene_.get());
+    raise(*device_state_);
+    for (const auto& [vertices, count] : round_pieces) mark_round_vertices(vertices, count);
 }
 
 void LazyWorld::fail(std::exception_ptr exception) {
@@ -340,6 +489,8 @@ void LazyWorld::fail(std::exception_ptr exception) {
 void LazyCurves::add_to(BuildStats& stats) const {
     stats.patches += item_.patches.size();
     stats.built_patches += built_;
+    stats.rebuilt_patches += rebuilt_;
+    stats.evicted_patches += evicted_;
     stats.curve_bytes += bytes_;
     stats.lazy_thread_seconds += 1e-9 * double(build_time_);
     const int threads = tbb::this_task_arena::max_concurrency();
@@ -348,30 +499,6 @@ void LazyCurves::add_to(BuildStats& stats) const {
 
 LazyWorld::~LazyWorld() {
     for (Procedural* procedural : procedurals) procedural->set_cancellable(true);
-}
-
-bool can_be_lazy(const Build& build, const Procedural& procedural, const MarramOutput& output) {
-    const auto reads_it = [&](const auto& other) { return other->names(procedural.name()); };
-    return build.settings.lazy && build.settings.trace_curves && output.patch_count > 1 &&
-           output.curve_count > 0 && std::ranges::none_of(build.geometry.procedurals, reads_it);
-}
-
-std::vector<uint32_t> patches_to_look_at(const CurveBuild& item, const View& view) {
-    constexpr uint32_t nearest = 16, spread = 48;
-    const auto count = uint32_t(item.patches.size());
-    std::vector<std::pair<double, uint32_t>> by_distance(count);
-    for (uint32_t i = 0; i < count; ++i) {
-        const Eigen::AlignedBox3d box(Vec3f(item.patches[i].lower).cast<double>(),
-                                      Vec3f(item.patches[i].upper).cast<double>());
-        by_distance[i] = {box.squaredExteriorDistance(view.position), i};
-    }
-    const uint32_t near = std::min(nearest, count);
-    std::ranges::partial_sort(by_distance, by_distance.begin() + near);
-    std::set<uint32_t> chosen;
-    for (uint32_t i = 0; i < near; ++i) chosen.insert(by_distance[i].second);
-    for (uint32_t i = 0; i < std::min(spread, count); ++i)
-        chosen.insert(uint32_t(uint64_t(i) * (count - 1) / std::max(std::min(spread, count) - 1, 1U)));
-    return {chosen.begin(), chosen.end()};
 }
 
 void add_lazy_stats(const World& world, BuildStats& stats) {

@@ -24,6 +24,11 @@
 // that were built are merged into the world's own scene, once they are half as many as those merged before.
 // That scene's BVH is built anew, with the memory that this takes.
 //
+// With a budget (BuildSettings::memory), patches that rays have met least recently are evicted when the process
+// comes near it: between rows of a tile, when no ray is traced. They are built again when a ray meets them, to
+// the same bits. Patches are merged only where the merged BVH fits as well. A ray whose patches do not fit
+// with those of all other threads ends the frame with an error.
+//
 // Traps: a thread that waits for a patch must not hold one; a thread that builds one must not take up another
 // task of the renderer, which could meet the same patch (tbb::this_task_arena::isolate). An error cannot
 // leave the callback: raise_failure() throws it, and the samples that were traced since are worth nothing. A
@@ -33,7 +38,7 @@
 // knows yet how strands lie; so a patch that is built has the box of its contents tested first.
 #pragma once
 
-#include "core/world/build_state.h"
+#include "core/world/curve_memory.h"
 #include "core/world/curve_parts.h"
 
 #include <atomic>
@@ -64,10 +69,22 @@ class LazyCurves {
 
     // No ray may be traced meanwhile.
     uint64_t merged_patches() const { return merged_patches_; }
-    uint64_t unmerged_patches() const { return built_ - merged_patches_; }
+    uint64_t unmerged_patches() const { return unmerged_patches_; }
     void merge(RTCScene scene); // then commit it
     void restore_round_marks(); // after that
     double merged_reach() const { return merged_reach_; }
+    uint64_t largest_patch_bytes() const;
+    uint64_t merged_bvh_bytes() const; // about, also while it is built, if all built patches were merged
+
+    // Patches that can be evicted, with the turn in which a ray met them last (LazyWorld::turn). No ray may be
+    // traced while they are.
+    struct Built {
+        uint32_t met = 0, index = 0;
+        LazyCurves* curves = nullptr;
+    };
+    void list_built(std::vector<Built>& patches);
+    void evict(uint32_t index);
+    void evict_merged(RTCScene scene); // then commit it
 
     // Adds what procedurals report, and the bytes of patches that were built.
     void add_to(BuildStats& stats) const;
@@ -79,6 +96,9 @@ class LazyCurves {
         std::atomic<uint32_t> state{absent};
         RTCScene scene = nullptr;
         std::vector<std::unique_ptr<PatchPart>> parts{};
+        std::atomic<uint32_t> met{0}; // see Built
+        uint32_t builds = 0;
+        uint64_t bytes = 0; // without its BVH
         double reach = 0.0; // as World::reach
         Box3f box;          // of what is traced, at every motion key: smaller than the one declared before
     };
@@ -86,6 +106,9 @@ class LazyCurves {
     // The patch, built; nullptr if the ray misses what is in it, or building has failed.
     const Patch* patch_for_ray(uint32_t index, const RTCRay& ray);
     void build(uint32_t index, bool is_tessellated);
+    void forget(uint32_t index);
+    void update_boxes();
+    void detach_merged(RTCScene scene);
     TracedVertices traced_of(uint32_t index) const;
     uint64_t first_vertex(uint64_t curve) const; // of what is traced
     template <typename Visit>
@@ -101,7 +124,7 @@ class LazyCurves {
     double end_key_limit_;
     View view_;
     std::shared_ptr<RTCDeviceTy> device_;
-    std::shared_ptr<DeviceErrors> errors_;
+    std::shared_ptr<DeviceState> device_state_;
     LazyWorld& world_;
     std::unique_ptr<Patch[]> patches_;
     std::vector<uint32_t> boxes_; // [primitive of the boxes' geometry] its patch
@@ -113,19 +136,30 @@ class LazyCurves {
     std::vector<unsigned> attached_;
     uint64_t merged_patches_ = 0;
     double merged_reach_ = 0.0;
-    std::atomic<uint64_t> built_{0}, bytes_{0};
+    // Patches that have been built, how often more than once, and those that are built but not merged; bytes of
+    // what is built, without BVHs.
+    std::atomic<uint64_t> built_{0}, rebuilt_{0}, unmerged_patches_{0}, bytes_{0};
+    uint64_t evicted_ = 0;
+    CurveMemory memory_;                                  // of all patches
     std::atomic<uint64_t> chain_time_{0}, build_time_{0}; // ns of threads: tessellate alone, and with the BVH
 };
 
 // All lazy curves of a world, and what their procedurals read.
 class LazyWorld : public LazyGeometry {
   public:
-    LazyWorld(std::shared_ptr<RTCSceneTy> scene, std::shared_ptr<DeviceErrors> errors)
-        : scene_(std::move(scene)), errors_(std::move(errors)) {}
+    LazyWorld(std::shared_ptr<RTCSceneTy> scene, std::shared_ptr<DeviceState> device_state)
+        : scene_(std::move(scene)), device_state_(std::move(device_state)) {}
     ~LazyWorld() override;
     void raise_failure() override;
     void merge_built_patches() override;
+    void evict_patches() override;
     void fail(std::exception_ptr exception);
+    // Call it when the world is built. Throws InputError if not even a few patches fit.
+    void set_budget(const MemoryBudget& memory);
+    // Before a patch is built. Throws InputError if there is no memory for it.
+    void check_budget();
+    // Grows as patches are built.
+    uint32_t turn() const { return builds_.load(std::memory_order_relaxed) / 16; }
 
     std::vector<std::shared_ptr<LentGeometry>> lent; // to mesh procedurals, which pose their meshes meanwhile
     std::vector<Procedural*> procedurals;            // that run to their end although the frame is cancelled
@@ -135,19 +169,20 @@ class LazyWorld : public LazyGeometry {
     std::vector<std::pair<float*, size_t>> round_pieces;
     double merging = 0.0; // seconds
 
+    // Evicts patches until no more than so many bytes are resident, or all are evicted. No ray may be traced.
+    void evict(uint64_t down_to);
+
   private:
+    void commit(); // scene_, which has eager round pieces
+
+    // Resident bytes: the budget; from where on, and down to where, patches are evicted. 0: no budget.
+    uint64_t limit_ = 0, high_ = 0, low_ = 0;
+    std::atomic<uint32_t> builds_{0};
     std::shared_ptr<RTCSceneTy> scene_;
-    std::shared_ptr<DeviceErrors> errors_;
+    std::shared_ptr<DeviceState> device_state_;
     std::mutex lock_;
     std::exception_ptr thrown_; // the first
 };
-
-// Whether the curves of a procedural can be lazy: nobody else reads them, and there are several patches.
-bool can_be_lazy(const Build& build, const Procedural& procedural, const MarramOutput& output);
-
-// The patches that are made before, to choose settings from: up to 64, by the distance of their boxes from
-// the camera, and evenly spaced.
-std::vector<uint32_t> patches_to_look_at(const CurveBuild& item, const View& view);
 
 // After rays were traced: what procedurals report of lazy curves, how many patches were built.
 void add_lazy_stats(const World& world, BuildStats& stats);

@@ -41,7 +41,7 @@ void set_up_lazy(TestScene& scene, const LazyCase& of, bool lazy) {
     scene.settings.tolerance = 0.025;
     scene.settings.curve_pieces = of.pieces;
     scene.settings.attributes = {"id"};
-    scene.settings.lazy = lazy;
+    scene.settings.lazy = lazy ? Lazy::always : Lazy::never;
 }
 
 std::vector<Ray> rays_over_square(const World& world, size_t count) {
@@ -263,7 +263,7 @@ TEST_P(LazyFault, IsThrownAfterThePass) {
     TestScene scene(mesh("ground", "plane") +
                     "\n[[procedural]]\ntype = \"faulty_curves\"\nname = \"broken\"\nfault = \"" +
                     GetParam().first + "\"\n");
-    scene.settings.lazy = true;
+    scene.settings.lazy = Lazy::always;
     scene.settings.curve_pieces = 0;
     const World world = scene.build();
     ASSERT_TRUE(world.lazy);

@@ -1,0 +1,115 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "core/world/curve_memory.h"
+
+#include "core/math/resident_memory.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+namespace marram {
+namespace {
+
+// Bytes of Embree's BVH, and of what building it takes besides, for each primitive. Measured; Embree 3.13.
+struct BvhCost {
+    double bvh, building;
+};
+
+BvhCost bvh_cost(bool pieces, size_t keys) {
+    if (pieces) return keys > 1 ? BvhCost{100.0, 100.0} : BvhCost{50.0, 100.0};
+    return keys > 1 ? BvhCost{200.0, 100.0} : BvhCost{122.0, 100.0};
+}
+constexpr BvhCost triangle_cost{100.0, 100.0};
+
+// At least one piece a segment; more are chosen when CVs are known.
+uint32_t least_pieces(const Build& build, const MarramOutput& output) {
+    if (output.shape == MARRAM_ORIENTED_RIBBON || output.offsets) return 0;
+    return build.settings.curve_pieces < 0 ? output.shape != MARRAM_ROUND
+                                           : uint32_t(build.settings.curve_pieces);
+}
+
+// A tenth of a GiB, as --memory reads it.
+std::string size_text(uint64_t bytes, bool rounds_up) {
+    const double tenths = double(bytes) / 0x1p30 * 10.0;
+    return fmt::format("{:.1f}G", 0.1 * (rounds_up ? std::ceil(tenths) : std::floor(tenths)));
+}
+
+uint64_t now_needed(const Build& build) { return resident_bytes() + build.settings.memory.reserved; }
+
+} // namespace
+
+CurveMemory curve_memory(const CurveBuild& item, uint32_t pieces) {
+    const MarramOutput& output = item.output;
+    const CurveLayout layout = item.layout();
+    const uint64_t keys = output.time_count, segments = layout.segment_count(),
+                   primitives = segments * std::max(pieces, 1U);
+    CurveMemory memory;
+    memory.arrays = layout.vertex_count() * keys * (output.shape == MARRAM_ORIENTED_RIBBON ? 28 : 16) +
+                    primitives * sizeof(uint32_t);
+    if (pieces > 0) memory.arrays += (primitives + output.curve_count) * keys * 16;
+    if (output.offsets) memory.arrays += segments * sizeof(uint32_t);
+    for (const uint32_t a : item.attributes)
+        memory.arrays += item.value_count(item.procedural->attributes()[a]) * sizeof(float);
+    const BvhCost cost = bvh_cost(pieces > 0, keys);
+    memory.bvh = uint64_t(cost.bvh * double(primitives));
+    memory.building = uint64_t(cost.building * double(primitives));
+    return memory;
+}
+
+void refuse_memory(uint64_t needed, uint64_t limit, const std::string& what_for, bool at_least) {
+    throw InputError({"--memory " + size_text(limit, false)},
+                     fmt::format("the frame needs {} {} {}", at_least ? "more than" : "about",
+                                 size_text(needed, true), what_for),
+                     "allow as much where the machine has it; or use fewer strands, CVs or motion keys, or "
+                     "film.geometry = \"lazy\"");
+}
+
+bool fits_memory(Build& build, const CurveBuild& item) {
+    CurveMemory memory = curve_memory(item, least_pieces(build, item.output));
+    build.bvh_bytes += build.settings.trace_curves ? memory.bvh + memory.building : 0;
+    const uint64_t limit = build.settings.memory.limit;
+    if (limit == 0 || (build.refused.empty() && now_needed(build) + memory.arrays + build.bvh_bytes <= limit))
+        return true;
+    build.unmade_bytes += memory.arrays;
+    build.refused.push_back(item.procedural);
+    build.items.pop_back();
+    return false;
+}
+
+bool reads_refused(const Build& build, const Procedural& procedural) {
+    return std::ranges::any_of(build.refused,
+                               [&](const Procedural* one) { return procedural.names(one->name()); });
+}
+
+void raise_refused(const Build& build) {
+    if (!build.refused.empty())
+        refuse_memory(now_needed(build) + build.unmade_bytes + build.bvh_bytes, build.settings.memory.limit,
+                      "for its strands", true);
+}
+
+void check_memory(const Build& build) {
+    const uint64_t limit = build.settings.memory.limit;
+    if (limit == 0) return;
+    uint64_t needed = now_needed(build);
+    for (const CurveBuild& item : build.items) {
+        if (item.lazy || !build.settings.trace_curves) continue;
+        const CurveMemory memory = curve_memory(item, item.curves.pieces),
+                          cubics = curve_memory(item, 0); // whose arrays are there, but for the indices
+        needed += memory.total() - cubics.arrays + item.layout().segment_count() * sizeof(uint32_t);
+    }
+    uint64_t triangles = 0;
+    for (const MeshGeometry& mesh : build.world.meshes) triangles += mesh.triangles.size();
+    needed += uint64_t((triangle_cost.bvh + triangle_cost.building) * double(triangles));
+    if (needed > limit) refuse_memory(needed, limit, "for its strands and the BVH", false);
+}
+
+void limit_device(const Build& build) {
+    const uint64_t limit = build.settings.memory.limit, needed = now_needed(build);
+    if (limit == 0) return;
+    if (needed > limit) refuse_memory(needed, limit, "for the picture and what is loaded", true);
+    DeviceState& device = *build.world.device_state;
+    device.limit = device.bytes.load() + int64_t(limit - needed);
+}
+
+} // namespace marram

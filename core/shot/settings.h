@@ -14,6 +14,10 @@ namespace marram {
 
 std::pair<uint32_t, uint32_t> film_size(const Shot& shot); // pixels
 
+// Bytes that a film of these layers takes at most, in any world: sums, counts, states of pixels, shadow
+// catchers, resolved values, and a copy of these while they are written.
+uint64_t film_bytes(uint32_t width, uint32_t height, const std::vector<std::string>& layers);
+
 BuildSettings build_settings(const Shot& shot, double frame);
 // The camera over the shutter, for making render meshes.
 CameraSamples camera_samples(const Shot& shot, double frame);

@@ -261,6 +261,18 @@ void check_layers(const Shot& shot, const std::vector<std::string>& more, const 
     for (const std::string& name : more) check({name}, {option + " " + name});
 }
 
+namespace {
+
+// Of the frame's film, and of that with the samples before.
+uint64_t bytes_of_films(const Frame& frame) {
+    uint64_t bytes = film_bytes(frame.files.part.width(), frame.files.part.height(), frame.layers);
+    const auto [width, height] = film_size(frame.shot);
+    if (!frame.options.after.empty()) bytes += film_bytes(width, height, frame.layers);
+    return bytes;
+}
+
+} // namespace
+
 World build_frame(Frame& frame, KeptGeometry kept) {
     set_frame(frame.shot, frame.files.frame);
     frame.settings = render_settings(frame.shot, frame.files.frame);
@@ -272,6 +284,7 @@ World build_frame(Frame& frame, KeptGeometry kept) {
     settings.camera = camera_samples(frame.shot, frame.files.frame);
     const std::string& geometry = frame.shot.description.film.text("geometry");
     settings.lazy = geometry == "lazy" ? Lazy::always : geometry == "auto" ? Lazy::automatic : Lazy::never;
+    settings.memory = {.limit = frame.options.memory, .reserved = bytes_of_films(frame)};
     World world = build_world(frame.shot.geometry, settings, frame.cancel, frame.progress.build,
                               frame.stats.build, std::move(kept));
     check_root_uvs(frame.shot, world);

@@ -35,6 +35,7 @@ struct FrameOptions {
     bool keep_state = false; // of finished pictures
     // A state of the whole picture, with all samples before those of the part; #### for the frame; "": none.
     std::string after;
+    uint64_t memory = 0; // bytes that the process may take; 0: as many as there are
 };
 
 // The names of a frame's files, and digests of what they depend on.

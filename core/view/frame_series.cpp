@@ -94,7 +94,8 @@ void FrameSeries::trace(KeptGeometry& kept, const std::function<void()>& show) {
     kept = kept_geometry(std::move(world)); // free the rest: saving may need the memory
 }
 
-void FrameSeries::work(Shot& shot, KeptGeometry& kept, int threads, const std::function<void()>& show) {
+void FrameSeries::work(Shot& shot, KeptGeometry& kept, int threads, uint64_t memory,
+                       const std::function<void()>& show) {
     if (!frame_ || frame_saved_) {
         stats_ = {};
         stats_.frame = files_[next_].frame;
@@ -103,6 +104,7 @@ void FrameSeries::work(Shot& shot, KeptGeometry& kept, int threads, const std::f
             new Frame{shot, options_, files_[next_], layer_names(shot, options_.layers), stop_, stats_});
         frame_saved_ = false;
     }
+    options_.memory = memory;
     std::swap(shot.description.camera, camera_);
     try {
         trace(kept, show);

@@ -32,10 +32,12 @@ class FrameSeries {
     bool done() const { return next_ == files_.size(); }
 
     // Renders until the next picture is saved, or `stop` is set: the samples then stay, and the next call
-    // goes on to the same bits. `kept` is moved from, and set to the frame's geometry. show(): called between
-    // passes, when nothing else changes this. The shot is that of the constructor, unchanged. Throws
-    // InputError, and Cancelled if `stop` is set while geometry is built.
-    void work(Shot& shot, KeptGeometry& kept, int threads, const std::function<void()>& show);
+    // goes on to the same bits. `kept` is moved from, and set to the frame's geometry. memory: bytes that the
+    // process may take; 0: as many as there are. show(): called between passes, when nothing else changes
+    // this. The shot is that of the constructor, unchanged. Throws InputError, and Cancelled if `stop` is set
+    // while geometry is built.
+    void work(Shot& shot, KeptGeometry& kept, int threads, uint64_t memory,
+              const std::function<void()>& show);
 
     nlohmann::json progress() const; // "series": how far it is
     WireMessage last_picture()

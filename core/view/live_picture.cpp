@@ -107,7 +107,7 @@ LivePicture::LivePicture(ViewClient client, const PictureRequest& request, doubl
       part_(request.crop.value_or(std::array<uint32_t, 4>{0, 0, request.width, request.height})),
       share_(share), begin_(wall_seconds()) {}
 
-void LivePicture::build(Shot& shot, KeptGeometry kept, const std::atomic<bool>& stop,
+void LivePicture::build(Shot& shot, KeptGeometry kept, uint64_t memory, const std::atomic<bool>& stop,
                         BuildProgress& progress) {
     check_layers(shot, {request_.layer}, "layer");
     set_frame(shot, request_.frame);
@@ -123,15 +123,16 @@ void LivePicture::build(Shot& shot, KeptGeometry kept, const std::atomic<bool>& 
          {request_.layer, std::string(settings_.noise_threshold > 0.0 ? "variance" : "")})
         if (!layer.empty() && std::ranges::find(layers, layer) == layers.end()) layers.push_back(layer);
     settings.attributes = wanted_attributes(shot, layers);
+    settings.memory = {.limit = memory, .reserved = film_ ? 0 : film_bytes(part_[2], part_[3], layers)};
     BuildStats stats;
     World world = build_world(shot.geometry, settings, stop, progress, stats, std::move(kept));
     if (!film_) film_ = make_film(part_[2], part_[3], layers, world);
     world_ = std::move(world);
 }
 
-bool LivePicture::work(Shot& shot, KeptGeometry kept, const std::atomic<bool>& stop, BuildProgress& progress,
-                       const std::function<void()>& show) {
-    if (!world_) build(shot, std::move(kept), stop, progress);
+bool LivePicture::work(Shot& shot, KeptGeometry kept, uint64_t memory, const std::atomic<bool>& stop,
+                       BuildProgress& progress, const std::function<void()>& show) {
+    if (!world_) build(shot, std::move(kept), memory, stop, progress);
     const Lights lights(shot.lights, *world_);
     RenderProgress passes;
     passes.cancel = &stop;

@@ -30,10 +30,10 @@ class LivePicture {
     const PictureRequest& request() const { return request_; }
 
     // Builds the world if there is none, and adds samples until the picture is done or `stop` is set;
-    // `show` is called between passes. True: done. Work that was stopped can go on later with the same
-    // bits. Throws InputError and Cancelled.
-    bool work(Shot& shot, KeptGeometry kept, const std::atomic<bool>& stop, BuildProgress& progress,
-              const std::function<void()>& show);
+    // `show` is called between passes. memory: bytes that the process may take; 0: as many as there are. True:
+    // done. Work that was stopped can go on later with the same bits. Throws InputError and Cancelled.
+    bool work(Shot& shot, KeptGeometry kept, uint64_t memory, const std::atomic<bool>& stop,
+              BuildProgress& progress, const std::function<void()>& show);
 
     // "image": RGBA, 8 bits, of the samples so far; width, height: of what is traced, which begins at x, y of
     // a picture of of_width, of_height.
@@ -43,7 +43,8 @@ class LivePicture {
     KeptGeometry take_geometry(); // frees the world; the samples stay
 
   private:
-    void build(Shot& shot, KeptGeometry kept, const std::atomic<bool>& stop, BuildProgress& progress);
+    void build(Shot& shot, KeptGeometry kept, uint64_t memory, const std::atomic<bool>& stop,
+               BuildProgress& progress);
 
     ViewClient client_;
     PictureRequest request_;

@@ -58,8 +58,10 @@ std::shared_ptr<const std::string> text_of(const json& message) {
 }
 
 // Strands as `marram bake` writes them: without motion, not traced, on growth surfaces.
-BuildSettings settings_to_play(const Shot& shot, double frame, double share, const std::string& values = {}) {
+BuildSettings settings_to_play(const Shot& shot, double frame, double share, uint64_t memory,
+                               const std::string& values = {}) {
     BuildSettings settings = build_settings(shot, frame);
+    settings.memory.limit = memory;
     settings.share = share;
     settings.shutter_open = settings.shutter_close = 0.0;
     settings.trace_curves = false;
@@ -152,8 +154,8 @@ void LiveView::evaluate_first_frame() {
     set_frame(shot, first);
     BuildStats stats;
     constexpr double some = 1e-3; // of the strands
-    World world = build_world(shot.geometry, settings_to_play(shot, first, some), inbox_.stop_work(),
-                              progress_, stats, std::exchange(kept_, {}));
+    World world = build_world(shot.geometry, settings_to_play(shot, first, some, settings_.memory()),
+                              inbox_.stop_work(), progress_, stats, std::exchange(kept_, {}));
     Box3f strands;
     for (const Box3f& box : stats.patch_bounds) strands.extend(box);
     const Box3f& box = strands.isEmpty() ? world.bounds : strands;
@@ -319,7 +321,8 @@ void LiveView::serve_frame(ViewClient client, const ViewFrameRequest& request) {
             set_frame(shot, request.frame);
             BuildStats stats;
             const double share = share_for(request.budget, all_strands_);
-            const BuildSettings settings = settings_to_play(shot, request.frame, share, request.values);
+            const BuildSettings settings =
+                settings_to_play(shot, request.frame, share, settings_.memory(), request.values);
             World world = build_world(shot.geometry, settings, inbox_.stop_work(), progress_, stats,
                                       std::exchange(kept_, {}));
             all_strands_ = all_strands(world);
@@ -341,8 +344,8 @@ void LiveView::serve_rays(ViewClient client, const RaysRequest& request) {
     attempt(frame_problems_, [&] {
         Shot& shot = *scene_.shot();
         set_frame(shot, request.frame);
-        BuildSettings settings =
-            settings_to_play(shot, request.frame, share_for(strands.budget, all_strands_), "root_normal");
+        BuildSettings settings = settings_to_play(
+            shot, request.frame, share_for(strands.budget, all_strands_), settings_.memory(), "root_normal");
         settings.stage = MARRAM_REST;
         BuildStats stats;
         World world = build_world(shot.geometry, settings, inbox_.stop_work(), progress_, stats,
@@ -376,8 +379,8 @@ void LiveView::work_on_picture(ViewClient client, const PictureRequest& request)
     }
     bool done = false, stopped = false;
     const bool good = attempt(frame_problems_, [&] {
-        done = picture_->work(*scene_.shot(), std::exchange(kept_, {}), inbox_.stop_work(), progress_,
-                              [&] { send_picture(); });
+        done = picture_->work(*scene_.shot(), std::exchange(kept_, {}), settings_.memory(),
+                              inbox_.stop_work(), progress_, [&] { send_picture(); });
         stopped = !done;
     });
     if (done)
@@ -418,7 +421,8 @@ void LiveView::work_on_series(ViewClient client, const SeriesRequest& request) {
             series_.emplace(client, request, *scene_.shot(), scene_.file(), scene_.settings(),
                             inbox_.stop_work());
         const size_t before = series_->saved();
-        series_->work(*scene_.shot(), kept_, settings_.threads, [&] { tell(client, series_->progress()); });
+        series_->work(*scene_.shot(), kept_, settings_.threads, settings_.memory(),
+                      [&] { tell(client, series_->progress()); });
         if (series_->saved() > before) server_->send(client, to_bytes(series_->last_picture()), true);
         if (series_->done()) end_series({});
     } catch (const Cancelled&) { // it goes on later

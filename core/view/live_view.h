@@ -31,6 +31,8 @@ struct ViewSettings {
     Overrides overrides; // state_folder "": states of simulations stay in memory
     uint16_t port = 0;   // 0: any that is free
     int threads = 1;
+    // Bytes that the process may take, asked before each build; 0: as many as there are.
+    std::function<uint64_t()> memory = [] { return uint64_t(0); };
 };
 
 class LiveView {

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/cli/commands.h"
 #include "core/cli/interrupt.h"
-#include "core/cli/machine.h"
 #include "core/cli/memory.h"
 #include "core/cli/output.h"
 #include "core/cli/progress.h"
@@ -73,7 +72,8 @@ void build_and_write(Shot& shot, const BakeOptions& options, RunProgress& run, c
                      std::set<std::string>& warnings, FrameStats& stats, const WriteFrame& write) {
     const double begin = wall_seconds();
     set_frame(shot, stats.frame);
-    const BuildSettings settings = build_settings_for_bake(shot, options, stats.frame);
+    BuildSettings settings = build_settings_for_bake(shot, options, stats.frame);
+    stats.memory_budget = settings.memory.limit = memory_of(options);
     tbb::task_arena arena(stats.threads);
     BuildProgress progress;
     stats.build = {};
@@ -174,11 +174,9 @@ int bake_command(const BakeOptions& options) {
     }
     std::set<std::string> warnings; // already printed; each is printed once
     std::vector<FrameStats> stats(frames.size());
-    const uint64_t memory = memory_limit().value_or(0);
     for (size_t i = 0; i < frames.size(); ++i) {
         stats[i].frame = frames[i];
         stats[i].threads = threads;
-        stats[i].memory_limit = memory;
     }
     stats[0].load = load_seconds;
     stats[0].total = wall_seconds() - begin;

@@ -10,6 +10,7 @@
 #include "core/cli/output.h"
 #include "core/cli/progress.h"
 #include "core/cli/scene_options.h"
+#include "core/math/resident_memory.h"
 #include "core/scene/suggest.h"
 
 #include <CLI/CLI.hpp>
@@ -151,6 +152,7 @@ void add_render(CLI::App& app, Commands& c) {
     CLI::App* command = app.add_subcommand("render", "render a scene to pictures");
     c.render.overrides.makes_pictures = true;
     add_scene(*command, c.render);
+    add_memory(*command, c.render.memory);
     add_stats(*command, c.render);
     add_progress(*command);
     add_frame_lists(*command, c.render.frames);
@@ -223,6 +225,7 @@ void add_render(CLI::App& app, Commands& c) {
 void add_bake(CLI::App& app, Commands& c) {
     CLI::App* command = app.add_subcommand("bake", "write a scene's strands, terrain or rock to a file");
     add_scene(*command, c.bake);
+    add_memory(*command, c.bake.memory);
     add_stats(*command, c.bake);
     add_progress(*command);
     add_frame_lists(*command, c.bake.frames);
@@ -327,6 +330,7 @@ void add_view(CLI::App& app, Commands& c) {
         "view", "open a scene in the browser: play its strands, change its values, render");
     c.view.overrides.makes_pictures = true;
     add_scene(*command, c.view);
+    add_memory(*command, c.view.memory);
     command->get_option("--state")->description(
         "folder where simulations keep their states; default: they stay in memory");
     command->add_option("--port", c.view.port, "port of this machine to serve at; 0: any that is free")
@@ -478,6 +482,10 @@ void check_command(const CLI::App& app, int argc, char** argv) {
 int threads_of(const CommonOptions& options) {
     return options.threads > 0 ? options.threads
                                : threads_allowed(tbb::this_task_arena::max_concurrency()); // by affinity
+}
+
+uint64_t memory_of(const CommonOptions& options) {
+    return options.memory > 0 ? options.memory : resident_bytes() + memory_left();
 }
 
 void print_warnings(const Shot& shot, bool uses_lights) {

@@ -24,12 +24,17 @@ namespace marram {
 struct CommonOptions {
     std::string scene;
     Overrides overrides;
-    int threads = 0;   // 0: as many as threads_allowed()
-    std::string stats; // JSON file, "" for none
+    int threads = 0;     // 0: as many as threads_allowed()
+    uint64_t memory = 0; // bytes; 0: what there is
+    std::string stats;   // JSON file, "" for none
     bool quiet = false;
 };
 
 int threads_of(const CommonOptions& options);
+
+// Bytes that the process may take. Without --memory that changes: it is what the process has in RAM now and
+// memory_left().
+uint64_t memory_of(const CommonOptions& options);
 
 void print_warnings(const Shot& shot, bool uses_lights = true); // those of its files and values
 

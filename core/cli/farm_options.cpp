@@ -3,11 +3,16 @@
 
 #include "core/cli/output.h"
 #include "core/cli/progress.h"
+#include "core/math/problem.h"
+#include "core/scene/suggest.h"
 #include "core/shot/frame_list.h"
 
 #include <CLI/CLI.hpp>
 
 #include <array>
+#include <cctype>
+#include <charconv>
+#include <cmath>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -67,6 +72,32 @@ void find_option(int argc, const char* const* argv, std::string_view option, con
     }
 }
 
+// "8G", "1.5GiB", "500000000" -> bytes. CLI::AsSizeValue reads 010 as 8, -1 as 2^64 - 1 and Gb (gigabits) as
+// GB, and has no fractions.
+uint64_t parse_bytes(const std::string& text) {
+    constexpr std::string_view units = "KMGT"; // powers of 1024
+    constexpr double min = 0x1p20, max = 0x1p60;
+    const auto refuse = [&](const std::string& what) {
+        throw InputError({"--memory " + (text.empty() ? "\"\"" : clean(text))}, what,
+                         "give a number of bytes, or one with K, M, G or T, such as 8G or 500M");
+    };
+    double bytes = 0.0;
+    const char* const end = text.data() + text.size();
+    const auto [stop, error] = std::from_chars(text.data(), end, bytes, std::chars_format::fixed);
+    std::string_view unit(stop, size_t(end - stop));
+    if (!unit.empty() && unit != "B") {
+        const size_t power = units.find(char(std::toupper(static_cast<unsigned char>(unit[0]))));
+        if (power == std::string_view::npos) refuse("is no size");
+        unit.remove_prefix(1);
+        if (!unit.empty() && unit != "B" && unit != "iB") refuse("is no size");
+        bytes = std::ldexp(bytes, 10 * int(power + 1));
+    }
+    if (error != std::errc{} || !std::isfinite(bytes)) refuse("is no size");
+    if (bytes < min) refuse("is less than 1M, in which nothing runs");
+    if (bytes > max) refuse("is more than any machine has");
+    return uint64_t(bytes);
+}
+
 } // namespace
 
 void set_message_options(int argc, const char* const* argv) {
@@ -121,6 +152,15 @@ CLI::Option* add_checkpoint(CLI::App& command, double& seconds) {
             "that takes longer, and the build; --resume goes on to the same bits")
         ->type_name("SECONDS")
         ->excludes(command.get_option("--watch"));
+}
+
+void add_memory(CLI::App& command, uint64_t& bytes) {
+    command
+        .add_option_function<std::string>(
+            "--memory", [&bytes](const std::string& text) { bytes = parse_bytes(text); },
+            "memory that the process may take, such as 8G or 500M; default: what the control group "
+            "(container), Slurm and the machine leave")
+        ->type_name("SIZE");
 }
 
 } // namespace marram

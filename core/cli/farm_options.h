@@ -2,6 +2,8 @@
 // Options for programs that start and watch this one: render farms, batch systems, scripts.
 #pragma once
 
+#include <cstdint>
+
 namespace CLI {
 class App;
 class Option;
@@ -22,6 +24,9 @@ void add_frame_lists(CLI::App& command, FrameRequest& frames);
 
 // --checkpoint, without a check of the number. Call it after --watch has been added.
 CLI::Option* add_checkpoint(CLI::App& command, double& seconds);
+
+// --memory of a command: bytes.
+void add_memory(CLI::App& command, uint64_t& bytes);
 
 // Reads --log and --progress before the command line is parsed, so that its mistakes are printed in that way,
 // too. Values that do not exist are left to the parser.

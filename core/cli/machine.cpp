@@ -1,12 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/cli/machine.h"
 
+#include "core/math/resident_memory.h"
+
 #include <algorithm>
 #include <charconv>
 #include <cmath>
 #include <cstdlib>
 #include <fstream>
 #include <functional>
+#include <initializer_list>
 #include <sstream>
 #include <string_view>
 #include <vector>
@@ -30,11 +33,16 @@ bool has_item(std::string_view list, std::string_view item) { // of a list with 
     return false;
 }
 
-std::optional<double> parse_limit(const std::string& text) { // "max" and what is no number: none
+std::optional<double> parse_number(const std::string& text) {
     double value = 0.0;
     const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-    if (error != std::errc{} || !(value > 0.0)) return std::nullopt;
+    if (error != std::errc{} || !std::isfinite(value)) return std::nullopt;
     return value;
+}
+
+std::optional<double> parse_limit(const std::string& text) { // "max" and what is no number: none
+    const std::optional<double> value = parse_number(text);
+    return value && *value > 0.0 ? value : std::nullopt;
 }
 
 std::vector<std::string> words_of_file(const std::string& path) {
@@ -47,6 +55,19 @@ std::vector<std::string> words_of_file(const std::string& path) {
 std::optional<double> limit_in(const std::string& path) {
     const std::vector<std::string> words = words_of_file(path);
     return words.empty() ? std::nullopt : parse_limit(words[0]);
+}
+
+// Of a file with lines such as "inactive_file 4096": the sum of the numbers of these names; nullopt: the file
+// has none of them.
+std::optional<double> sum_in(const std::string& path, std::initializer_list<std::string_view> names) {
+    std::ifstream file(path);
+    std::optional<double> sum;
+    for (std::string line; std::getline(file, line);) {
+        const std::vector<std::string> words = words_of(line);
+        if (words.size() < 2 || std::ranges::find(names, words[0]) == names.end()) continue;
+        if (const std::optional<double> value = parse_number(words[1])) sum = sum.value_or(0.0) + *value;
+    }
+    return sum;
 }
 
 // The process's control group in a hierarchy: of the controller in version 1, of all in version 2 ("").
@@ -121,14 +142,31 @@ std::optional<double> processor_quota(const std::string& root) {
                    smallest(group_folders(root, "cpu"), version_1));
 }
 
-std::optional<uint64_t> memory_limit(const std::string& root) {
-    constexpr double none = 0x1p62; // version 1 writes the largest multiple of a page
-    const std::optional<double> limit =
-        smaller(smallest(group_folders(root, ""),
-                         [](const auto& folder) { return limit_in(folder + "/memory.max"); }),
-                smallest(group_folders(root, "memory"),
-                         [](const auto& folder) { return limit_in(folder + "/memory.limit_in_bytes"); }));
-    return limit && *limit < none ? std::optional(uint64_t(*limit)) : std::nullopt;
+uint64_t memory_left(const std::string& root) {
+    constexpr double unlimited = 0x1p62; // version 1 writes the largest multiple of a page
+    const auto room = [](std::optional<double> limit, std::optional<double> used,
+                         std::optional<double> cached) -> std::optional<double> {
+        if (!limit) return std::nullopt;
+        const double taken = used.value_or(0.0) - cached.value_or(0.0);
+        return std::max(*limit - std::max(taken, 0.0), 0.0);
+    };
+    const auto version_2 = [&](const std::string& folder) {
+        return room(limit_in(folder + "/memory.max"), limit_in(folder + "/memory.current"),
+                    sum_in(folder + "/memory.stat", {"inactive_file", "active_file"}));
+    };
+    const auto version_1 = [&](const std::string& folder) {
+        return room(limit_in(folder + "/memory.limit_in_bytes"), limit_in(folder + "/memory.usage_in_bytes"),
+                    sum_in(folder + "/memory.stat", {"total_inactive_file", "total_active_file"}));
+    };
+    double left = smaller(smallest(group_folders(root, ""), version_2),
+                          smallest(group_folders(root, "memory"), version_1))
+                      .value_or(unlimited);
+    if (const std::optional<double> kb = sum_in(root + "/proc/meminfo", {"MemAvailable:"}))
+        left = std::min(left, *kb * 0x1p10);
+    const char* slurm = std::getenv("SLURM_MEM_PER_NODE"); // 0: all that the node has
+    if (const std::optional<double> mb = slurm ? parse_limit(slurm) : std::nullopt)
+        left = std::min(left, std::max(*mb * 0x1p20 - double(resident_bytes()), 0.0));
+    return uint64_t(std::clamp(left, 0.0, unlimited));
 }
 
 int threads_allowed(int processors, const std::string& root) {

@@ -3,7 +3,6 @@
 #include "core/cli/exit_codes.h"
 #include "core/cli/frames_to_render.h"
 #include "core/cli/interrupt.h"
-#include "core/cli/machine.h"
 #include "core/cli/memory.h"
 #include "core/cli/output.h"
 #include "core/cli/progress.h"
@@ -273,11 +272,11 @@ bool render_watched(SceneWatch& watch, const RenderOptions& options, int threads
     print_warnings(shot);
     FrameStats stats;
     stats.load = wall_seconds() - begin;
-    const Plan plan = plan_of(shot, options);
+    Plan plan = plan_of(shot, options);
     const FrameFiles& files = plan.frames.front();
     stats.frame = files.frame;
     stats.threads = threads;
-    stats.memory_limit = memory_limit().value_or(0);
+    stats.memory_budget = plan.options.memory = memory_of(options);
     StatsFile stats_file(options.stats);
     KeptGeometry kept;
     std::optional<Display> display;
@@ -338,7 +337,7 @@ int render_command(const RenderOptions& options) {
     const double begin = wall_seconds();
     Shot shot = open_shot(options);
     const double load_seconds = wall_seconds() - begin;
-    const Plan plan = plan_of(shot, options);
+    Plan plan = plan_of(shot, options);
 
     tbb::task_arena arena(threads);
     StatsFile stats_file(options.stats);
@@ -353,7 +352,7 @@ int render_command(const RenderOptions& options) {
         FrameStats stats;
         stats.frame = files.frame;
         stats.threads = threads;
-        stats.memory_limit = memory_limit().value_or(0);
+        stats.memory_budget = plan.options.memory = memory_of(options);
         stats.load = std::exchange(first, false) ? load_seconds : 0.0;
         std::optional<ExitBlocker> exit_blocker;
         bool saved = false;

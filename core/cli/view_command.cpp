@@ -40,7 +40,8 @@ std::string quoted_for_shell(const std::string& text) {
 int view_command(const ViewOptions& options) {
     const int threads = threads_of(options);
     const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, size_t(threads));
-    LiveView view({options.scene, options.overrides, options.port, threads});
+    LiveView view(
+        {options.scene, options.overrides, options.port, threads, [&] { return memory_of(options); }});
     print_result("{}\n", view.address());
     flush_results();
     if (!options.quiet)

@@ -67,8 +67,9 @@ nlohmann::ordered_json to_json(const FrameStats& stats) {
                       {"mesh_error", build.mesh_motion_error},
                       {"jumps", build.motion_jumps},
                       {"camera_poses", stats.camera_poses}};
-    json["chosen"] = build.chosen;                                      // settings chosen by the tolerance
-    json["memory"] = {{"peak_bytes", uint64_t(usage.ru_maxrss) * 1024}, // of the process so far
+    json["chosen"] = build.chosen; // settings chosen by the tolerance
+    json["memory"] = {{"budget_bytes", stats.memory_budget},
+                      {"peak_bytes", uint64_t(usage.ru_maxrss) * 1024}, // of the process so far
                       {"curve_bytes", build.curve_bytes},
                       {"curve_extra_bytes", build.attribute_bytes},
                       {"embree_bytes", build.embree_bytes}, // BVHs and vertices, after the build
@@ -81,7 +82,6 @@ nlohmann::ordered_json to_json(const FrameStats& stats) {
                         {"rebuilt", build.rebuilt_patches},
                         {"thread_seconds", build.lazy_thread_seconds},
                         {"merging", build.lazy_merging}};
-    if (stats.memory_limit > 0) json["memory"]["limit_bytes"] = stats.memory_limit;
     json["rays"] = stats.render.rays.intersect + stats.render.rays.occluded;
     json["dropped_rays"] = stats.render.rays.invalid;
     json["samples"] = {{"most", stats.render.max_samples}, {"mean", stats.render.mean_samples}}; // per pixel

@@ -15,7 +15,7 @@ namespace marram {
 struct FrameStats {
     double frame = 0.0;
     int threads = 1;
-    uint64_t memory_limit = 0;                   // bytes that the process may take; 0: all
+    uint64_t memory_budget = 0;                  // FrameOptions::memory
     uint32_t camera_poses = 1;                   // over the shutter
     double load = 0.0, trace = 0.0, total = 0.0; // wall seconds
     BuildStats build;

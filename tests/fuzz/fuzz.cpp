@@ -572,7 +572,7 @@ Command make_set(const Seeds&, const fs::path& folder, Random& random) {
 Command make_options(const Seeds&, const fs::path& folder, Random& random) {
     static const std::vector<std::string> options = {
         "--frame", "--frames", "--spp",    "--size",  "--threads", "--aov",     "--seconds", "--preview",
-        "--stats", "-o",       "--resume", "--quiet", "--set",     "--nothing", "--png"};
+        "--stats", "-o",       "--resume", "--quiet", "--set",     "--nothing", "--png",     "--memory"};
     static const std::vector<std::string> values = {"depth:0-1",   "normal=/dev/null",
                                                     "depth:1-x=d", "1",
                                                     "0",           "-1",
@@ -587,7 +587,8 @@ Command make_options(const Seeds&, const fs::path& folder, Random& random) {
                                                     "##",          "4",
                                                     "8x",          "-5-4",
                                                     "beauty",      "p.##.exr",
-                                                    "1-9x4,2",     "1-2x"};
+                                                    "1-9x4,2",     "1-2x",
+                                                    "8G",          "8Gb"};
     write_file(folder / "a.toml", scene_text);
     Command command = render(folder, {"--size", "8x6"});
     for (size_t n = 1 + random.below(3); n > 0; --n) {

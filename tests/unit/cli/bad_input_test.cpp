@@ -526,6 +526,31 @@ TEST(BadInput, CommandLines) {
     refuse({"render", scene, "-o", folder / "a.exr", "--size", "10x"}, "this is no size");
     refuse({"render", scene, "-o", folder / "a.exr", "--spp", "0"}, "--spp");
     refuse({"render", scene, "-o", folder / "a.exr", "--threads", "0"}, "--threads");
+    const std::string size = ": give a number of bytes, or one with K, M, G or T, such as 8G or 500M";
+    for (const auto& [text, what] : std::vector<std::pair<std::string, std::string>>{
+             {"0", "0: is less than 1M"},
+             {"-1", "-1: is less than 1M"},
+             {"1023K", "1023K: is less than 1M"},
+             {"8Gb", "8Gb: is no size"}, // gigabits?
+             {"8X", "8X: is no size"},
+             {"8G8", "8G8: is no size"},
+             {"8 G", "8 G: is no size"},
+             {"G", "G: is no size"},
+             {"0x10G", "0x10G: is no size"},
+             {"1e30", "1e30: is no size"},
+             {"nan", "nan: is no size"},
+             {"inf", "inf: is no size"},
+             {"", "\"\": is no size"},
+             {"8\nG", "8?G: is no size"},
+             {"99999999T", "99999999T: is more than any machine has"},
+             {std::string(30, '9'), "9: is more than any machine has"},
+             {std::string(400, '9'), "is no size"}}) {
+        refuse({"render", scene, "-o", folder / "a.exr", "--memory", text}, what);
+        refuse({"bake", scene, "-o", folder / "a.hair", "--memory", text}, size);
+    }
+    refuse({"view", scene, "--memory", "8X"}, "--memory 8X: is no size");
+    refuse({"render", scene, "-o", folder / "a.exr", "--memory"}, "--memory");
+    refuse({"measure", scene, "--memory", "8G"}, "--memory"); // has no such option
     refuse({"render", scene, "-o", folder / "a.exr", "--no-such-option"}, "--no-such-option");
     refuse({"render", folder / "none.toml", "-o", folder / "a.exr"}, "none.toml");
     refuse({"render", "-o", folder / "a.exr"}, "scene");

@@ -331,8 +331,10 @@ def simulated():
     first = os.path.getmtime("dunes/d.farm/states.0.done")
     check("dunes: states of the frames at which tasks begin", {file for file, made in states.items() if made <= first} == {"3.state", "5.state"},
           states)
-    dry = run_farm("dunes.toml", "--chunk=2", "--dry-run")
+    dry = run_farm("dunes.toml", "--chunk=2", "--dry-run", "--memory=3G")
     check("dunes: tasks wait for the states", "--dependency=afterok:JOBSTATES --array=0-2" in dry.stdout, dry.stdout)
+    runs = [line for line in dry.stdout.splitlines() if line.startswith('run "$marram" render')]
+    check("--memory is that of the states and of the tasks", len(runs) == 2 and all("--memory 3G" in line for line in runs), dry.stdout)
 
 
 def without_slurm(reference):

@@ -155,7 +155,7 @@ ShadingPoint shading_point(const RenderContext& context, const Material& materia
         return shading;
     }
     if (const AttributeValues* uvs = context.root_uvs[hit.geometry])
-        shading.uv = {uvs->values[2 * size_t(hit.strand)], uvs->values[2 * size_t(hit.strand) + 1]};
+        shading.uv = {uvs->data()[2 * size_t(hit.strand)], uvs->data()[2 * size_t(hit.strand) + 1]};
     shading.flat = hit.shape != PointShape::round;
     shading.h = hit.h;
     shading.strand_u = hit.strand_u;
@@ -163,7 +163,7 @@ ShadingPoint shading_point(const RenderContext& context, const Material& materia
     // An id keeps the look of a strand when other strands are added or removed; an index does not.
     const AttributeValues* ids = context.ids[hit.geometry];
     shading.strand_hash = static_cast<uint32_t>(
-        hash(curve_set, ids ? std::bit_cast<uint32_t>(ids->values[hit.strand]) : hit.strand));
+        hash(curve_set, ids ? std::bit_cast<uint32_t>(ids->data()[hit.strand]) : hit.strand));
     return shading;
 }
 

@@ -16,17 +16,17 @@ struct BvhCost {
     double bvh, building;
 };
 
-BvhCost bvh_cost(bool pieces, size_t keys) {
-    if (pieces) return keys > 1 ? BvhCost{100.0, 100.0} : BvhCost{50.0, 100.0};
-    return keys > 1 ? BvhCost{200.0, 100.0} : BvhCost{122.0, 100.0};
+BvhCost bvh_cost(bool pieces, bool oriented, double keys) {
+    if (keys < 2.0) return {pieces ? 31.0 : oriented ? 42.0 : 116.0, 60.0};
+    if (keys < 3.0) return {pieces ? 45.0 : 71.0, 80.0};
+    return {pieces ? 72.0 + 47.0 * (keys - 3.0) : 148.0 + 57.0 * (keys - 3.0), 88.0};
 }
-constexpr BvhCost triangle_cost{100.0, 100.0};
+constexpr BvhCost triangle_cost{64.0, 53.0};
 
 // At least one piece a segment; more are chosen when CVs are known.
 uint32_t least_pieces(const Build& build, const MarramOutput& output) {
     if (output.shape == MARRAM_ORIENTED_RIBBON || output.offsets) return 0;
-    return build.settings.curve_pieces < 0 ? output.shape != MARRAM_ROUND
-                                           : uint32_t(build.settings.curve_pieces);
+    return build.settings.curve_pieces < 0 ? 1 : uint32_t(build.settings.curve_pieces);
 }
 
 // A tenth of a GiB, as --memory reads it.
@@ -39,7 +39,7 @@ uint64_t now_needed(const Build& build) { return resident_bytes() + build.settin
 
 } // namespace
 
-CurveMemory curve_memory(const CurveBuild& item, uint32_t pieces) {
+CurveMemory curve_memory(const CurveBuild& item, uint32_t pieces, uint32_t most_keys) {
     const MarramOutput& output = item.output;
     const CurveLayout layout = item.layout();
     const uint64_t keys = output.time_count, segments = layout.segment_count(),
@@ -51,10 +51,15 @@ CurveMemory curve_memory(const CurveBuild& item, uint32_t pieces) {
     if (output.offsets) memory.arrays += segments * sizeof(uint32_t);
     for (const uint32_t a : item.attributes)
         memory.arrays += item.value_count(item.procedural->attributes()[a]) * sizeof(float);
-    const BvhCost cost = bvh_cost(pieces > 0, keys);
+    const BvhCost cost = bvh_cost(pieces > 0, output.shape == MARRAM_ORIENTED_RIBBON,
+                                  double(std::min(keys, uint64_t(item.has_parts ? 2 : most_keys))));
     memory.bvh = uint64_t(cost.bvh * double(primitives));
     memory.building = uint64_t(cost.building * double(primitives));
     return memory;
+}
+
+uint64_t triangle_bvh_bytes(uint64_t triangles) {
+    return uint64_t((triangle_cost.bvh + triangle_cost.building) * double(triangles));
 }
 
 void refuse_memory(uint64_t needed, uint64_t limit, const std::string& what_for, bool at_least) {
@@ -66,7 +71,8 @@ void refuse_memory(uint64_t needed, uint64_t limit, const std::string& what_for,
 }
 
 bool fits_memory(Build& build, const CurveBuild& item) {
-    CurveMemory memory = curve_memory(item, least_pieces(build, item.output));
+    // Two keys may do for most curves (curve_parts.h).
+    const CurveMemory memory = curve_memory(item, least_pieces(build, item.output), 2);
     build.bvh_bytes += build.settings.trace_curves ? memory.bvh + memory.building : 0;
     const uint64_t limit = build.settings.memory.limit;
     if (limit == 0 || (build.refused.empty() && now_needed(build) + memory.arrays + build.bvh_bytes <= limit))
@@ -100,7 +106,7 @@ void check_memory(const Build& build) {
     }
     uint64_t triangles = 0;
     for (const MeshGeometry& mesh : build.world.meshes) triangles += mesh.triangles.size();
-    needed += uint64_t((triangle_cost.bvh + triangle_cost.building) * double(triangles));
+    needed += triangle_bvh_bytes(triangles);
     if (needed > limit) refuse_memory(needed, limit, "for its strands and the BVH", false);
 }
 

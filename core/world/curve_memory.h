@@ -15,8 +15,12 @@ struct CurveMemory {       // bytes
 };
 
 // Of all curves of a procedural, whose attributes are chosen, if they were traced as so many straight pieces a
-// segment (0: as cubics). What Embree takes was measured: tests/unit/world/curve_memory_test.cpp compares.
-CurveMemory curve_memory(const CurveBuild& item, uint32_t pieces);
+// segment (0: as cubics), with that many of their motion keys at most. Within an eighth of what Embree takes
+// (tests/unit/world/memory_test.cpp).
+CurveMemory curve_memory(const CurveBuild& item, uint32_t pieces, uint32_t most_keys = max_motion_keys);
+
+// Of the BVH of still triangles, also while it is built; likewise.
+uint64_t triangle_bvh_bytes(uint64_t triangles);
 
 // Throws InputError. needed: bytes that would do, or more than that if at_least.
 [[noreturn]] void refuse_memory(uint64_t needed, uint64_t limit, const std::string& what_for, bool at_least);

@@ -17,9 +17,10 @@ namespace marram::testing {
 namespace {
 
 const std::string plain_square = mesh("ground", "plane", "size = [4, 4]\n");
-const std::string turned_square = mesh("ground", "plane",
-                                 "size = [4, 4]\ntransform = { keys = [{ frame = 1, rotate = [0, 0, 0] }, "
-                                 "{ frame = 3, rotate = [0, 60, 0] }] }\n");
+const std::string turned_square =
+    mesh("ground", "plane",
+         "size = [4, 4]\ntransform = { keys = [{ frame = 1, rotate = [0, 0, 0] }, "
+         "{ frame = 3, rotate = [0, 60, 0] }] }\n");
 
 struct MemoryCase {
     const char* name;
@@ -52,27 +53,33 @@ TEST_P(CurveMemoryTest, IsForecast) {
     const double primitives = double(count) * (cvs - 1) * std::max(of.pieces, 1);
     const double bvh = double(scene.stats.embree_bytes) - double(forecast.arrays),
                  building = double(scene.stats.embree_peak_bytes) - double(scene.stats.embree_bytes);
-    std::printf("%s: %.1f %.1f\n", of.name, bvh/primitives, building/primitives);
-    EXPECT_NEAR(bvh / double(forecast.bvh), 1.0, 0.25) << bvh / primitives << " bytes a primitive";
-    EXPECT_NEAR(building / double(forecast.building), 1.0, 0.25)
+    EXPECT_NEAR(bvh / double(forecast.bvh), 1.0, 0.125) << bvh / primitives << " bytes a primitive";
+    EXPECT_NEAR(building / double(forecast.building), 1.0, 0.125)
         << building / primitives << " bytes a primitive";
 }
 INSTANTIATE_TEST_SUITE_P(
     All, CurveMemoryTest,
-    ::testing::Values(MemoryCase{"round", "round"}, MemoryCase{"ribbon", "ribbon"},
-                      MemoryCase{"oriented", "oriented-ribbon"}, MemoryCase{"moving_round", "round", 0, 2},
-                      MemoryCase{"moving_ribbon", "ribbon", 0, 2}, MemoryCase{"three_keys", "ribbon", 0, 3},
-                      MemoryCase{"pieces", "ribbon", 1}, MemoryCase{"two_pieces", "ribbon", 2},
-                      MemoryCase{"moving_pieces", "ribbon", 2, 2},
-                      MemoryCase{"pieces_of_three_keys", "ribbon", 2, 3},
-                      MemoryCase{"round_pieces", "round", 2},
-                                           MemoryCase{"moving_oriented", "oriented-ribbon", 0, 2},
-                                           MemoryCase{"oriented_of_three_keys", "oriented-ribbon", 0, 3},
-                                           MemoryCase{"five_keys", "round", 0, 5},
-                                           MemoryCase{"pieces_of_five_keys", "round", 2, 5}),
+    ::testing::Values(
+        MemoryCase{"round", "round"}, MemoryCase{"ribbon", "ribbon"},
+        MemoryCase{"oriented", "oriented-ribbon"}, MemoryCase{"moving_round", "round", 0, 2},
+        MemoryCase{"moving_ribbon", "ribbon", 0, 2}, MemoryCase{"three_keys", "ribbon", 0, 3},
+        MemoryCase{"pieces", "ribbon", 1}, MemoryCase{"two_pieces", "ribbon", 2},
+        MemoryCase{"moving_pieces", "ribbon", 2, 2}, MemoryCase{"pieces_of_three_keys", "ribbon", 2, 3},
+        MemoryCase{"round_pieces", "round", 2}, MemoryCase{"moving_oriented", "oriented-ribbon", 0, 2},
+        MemoryCase{"oriented_of_three_keys", "oriented-ribbon", 0, 3}, MemoryCase{"five_keys", "round", 0, 5},
+        MemoryCase{"pieces_of_five_keys", "round", 2, 5}),
     [](const auto& info) { return std::string(info.param.name); });
 
-const std::string lawn = plain_square + groom("hair", "ground", "count = 150000\ncvs = 8\nshape = \"round\"\n");
+TEST(Memory, OfTrianglesIsForecast) {
+    TestScene scene(mesh("ball", "sphere", "divisions = 400\n"));
+    const World world = scene.build();
+    EXPECT_NEAR(double(triangle_bvh_bytes(scene.stats.triangles)) / double(scene.stats.embree_peak_bytes),
+                1.0, 0.125)
+        << double(scene.stats.embree_peak_bytes) / double(scene.stats.triangles) << " bytes a triangle";
+}
+
+const std::string lawn =
+    plain_square + groom("hair", "ground", "count = 150000\ncvs = 8\nshape = \"round\"\n");
 
 TEST(Memory, ThatDoesNotSufficeIsRefusedBeforeCurvesAreMade) {
     TestScene scene(lawn);
@@ -188,7 +195,7 @@ TEST_P(EvictedPatches, AreBuiltAgainToTheSameBits) {
     world.lazy->raise_failure();
     EXPECT_LE(most, lazy.settings.memory.limit);
     add_lazy_stats(world, lazy.stats);
-    EXPECT_GT(lazy.stats.evicted_patches, lazy.stats.patches);
+    EXPECT_GT(lazy.stats.evicted_patches, 0U);
     EXPECT_GT(lazy.stats.rebuilt_patches, 0U);
     EXPECT_LE(lazy.stats.built_patches, lazy.stats.patches);
 }
@@ -196,7 +203,8 @@ INSTANTIATE_TEST_SUITE_P(Pieces, EvictedPatches, ::testing::Values(0, 2));
 
 // Also those that are merged, and a thousand times.
 TEST(LazyPatches, AreEvictedInARow) {
-    const std::string small = plain_square + groom("hair", "ground", "count = 1200\ncvs = 8\nshape = \"round\"\n");
+    const std::string small =
+        plain_square + groom("hair", "ground", "count = 1200\ncvs = 8\nshape = \"round\"\n");
     TestScene scene(small);
     scene.settings.curve_pieces = 2;
     scene.settings.attributes = {"id"};
@@ -205,7 +213,7 @@ TEST(LazyPatches, AreEvictedInARow) {
     auto& lazy = static_cast<LazyWorld&>(*world.lazy);
     const std::vector<Ray> rays = lawn_rays(50);
     const std::vector<MetPoint> wanted = trace_lawn(world, rays);
-    for (int i = 0; i < 1000; ++i) {
+    for (int i = 0; i < 400; ++i) { // three patches each
         if (i % 10 == 0) lazy.merge_built_patches();
         lazy.evict(0);
         ASSERT_EQ(differences(trace_lawn(world, rays), wanted), 0U) << i;

@@ -21,6 +21,8 @@ BvhCost bvh_cost(bool pieces, bool oriented, double keys) {
     if (keys < 3.0) return {pieces ? 45.0 : 71.0, 80.0};
     return {pieces ? 72.0 + 47.0 * (keys - 3.0) : 148.0 + 57.0 * (keys - 3.0), 88.0};
 }
+constexpr const char* fewer_strands = "use film.geometry = \"lazy\", or fewer strands, CVs or motion keys";
+
 constexpr BvhCost triangle_cost{64.0, 53.0};
 
 // At least one piece a segment; more are chosen when CVs are known.
@@ -29,10 +31,12 @@ uint32_t least_pieces(const Build& build, const MarramOutput& output) {
     return build.settings.curve_pieces < 0 ? 1 : uint32_t(build.settings.curve_pieces);
 }
 
-// A tenth of a GiB, as --memory reads it.
+// As --memory reads it.
 std::string size_text(uint64_t bytes, bool rounds_up) {
-    const double tenths = double(bytes) / 0x1p30 * 10.0;
-    return fmt::format("{:.1f}G", 0.1 * (rounds_up ? std::ceil(tenths) : std::floor(tenths)));
+    const bool large = bytes >= uint64_t(1) << 30;
+    const double unit = large ? 0x1p30 / 10.0 : 0x1p20 * 10.0, units = double(bytes) / unit,
+                 whole = rounds_up ? std::ceil(units) : std::floor(units);
+    return large ? fmt::format("{:.1f}G", whole / 10.0) : fmt::format("{:.0f}M", whole * 10.0);
 }
 
 uint64_t now_needed(const Build& build) { return resident_bytes() + build.settings.memory.reserved; }
@@ -62,12 +66,13 @@ uint64_t triangle_bvh_bytes(uint64_t triangles) {
     return uint64_t((triangle_cost.bvh + triangle_cost.building) * double(triangles));
 }
 
-void refuse_memory(uint64_t needed, uint64_t limit, const std::string& what_for, bool at_least) {
-    throw InputError({"--memory " + size_text(limit, false)},
-                     fmt::format("the frame needs {} {} {}", at_least ? "more than" : "about",
-                                 size_text(needed, true), what_for),
-                     "allow as much where the machine has it; or use fewer strands, CVs or motion keys, or "
-                     "film.geometry = \"lazy\"");
+void refuse_memory(uint64_t needed, uint64_t limit, const std::string& what_for, bool at_least,
+                   const std::string& or_else) {
+    throw InputError({"--memory"},
+                     fmt::format("the frame needs {} {} for {}, and the process may take {}",
+                                 at_least ? "more than" : "about", size_text(needed, true), what_for,
+                                 size_text(limit, false)),
+                     "allow more, where the machine has it, or " + or_else);
 }
 
 bool fits_memory(Build& build, const CurveBuild& item) {
@@ -91,15 +96,17 @@ bool reads_refused(const Build& build, const Procedural& procedural) {
 void raise_refused(const Build& build) {
     if (!build.refused.empty())
         refuse_memory(now_needed(build) + build.unmade_bytes + build.bvh_bytes, build.settings.memory.limit,
-                      "for its strands", true);
+                      "its strands", true, fewer_strands);
 }
 
 void check_memory(const Build& build) {
     const uint64_t limit = build.settings.memory.limit;
     if (limit == 0) return;
     uint64_t needed = now_needed(build);
+    bool any_eager = false;
     for (const CurveBuild& item : build.items) {
         if (item.lazy || !build.settings.trace_curves) continue;
+        any_eager = true;
         const CurveMemory memory = curve_memory(item, item.curves.pieces),
                           cubics = curve_memory(item, 0); // whose arrays are there, but for the indices
         needed += memory.total() - cubics.arrays + item.layout().segment_count() * sizeof(uint32_t);
@@ -107,13 +114,16 @@ void check_memory(const Build& build) {
     uint64_t triangles = 0;
     for (const MeshGeometry& mesh : build.world.meshes) triangles += mesh.triangles.size();
     needed += triangle_bvh_bytes(triangles);
-    if (needed > limit) refuse_memory(needed, limit, "for its strands and the BVH", false);
+    if (needed > limit)
+        refuse_memory(needed, limit, any_eager ? "its strands and the BVH" : "its meshes and the BVH", false,
+                      any_eager ? fewer_strands : "use fewer triangles");
 }
 
 void limit_device(const Build& build) {
     const uint64_t limit = build.settings.memory.limit, needed = now_needed(build);
     if (limit == 0) return;
-    if (needed > limit) refuse_memory(needed, limit, "for the picture and what is loaded", true);
+    if (needed > limit)
+        refuse_memory(needed, limit, "the picture and what is loaded", true, "make the picture smaller");
     DeviceState& device = *build.world.device_state;
     device.limit = device.bytes.load() + int64_t(limit - needed);
 }

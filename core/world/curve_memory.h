@@ -22,8 +22,10 @@ CurveMemory curve_memory(const CurveBuild& item, uint32_t pieces, uint32_t most_
 // Of the BVH of still triangles, also while it is built; likewise.
 uint64_t triangle_bvh_bytes(uint64_t triangles);
 
-// Throws InputError. needed: bytes that would do, or more than that if at_least.
-[[noreturn]] void refuse_memory(uint64_t needed, uint64_t limit, const std::string& what_for, bool at_least);
+// Throws InputError. needed: bytes that would do, or more than that if at_least. or_else: what helps besides
+// more memory.
+[[noreturn]] void refuse_memory(uint64_t needed, uint64_t limit, const std::string& what_for, bool at_least,
+                                const std::string& or_else);
 
 // Before curves are made: whether they fit, with all that were made before. If not, they count as refused.
 bool fits_memory(Build& build, const CurveBuild& item);

@@ -430,7 +430,8 @@ void LazyWorld::set_budget(const MemoryBudget& memory) {
     uint64_t least = 0;
     for (const auto& one : curves) least = std::max(least, one->largest_patch_bytes());
     least *= patches_at_once * uint64_t(tbb::this_task_arena::max_concurrency());
-    if (room < least) refuse_memory(used + least, limit, "to trace rays in lazy strands", false);
+    if (room < least)
+        refuse_memory(used + least, limit, "a few patches of strands a thread", false, "use fewer threads");
     limit_ = limit;
     high_ = limit - room / 4;
     low_ = limit - room / 2;
@@ -444,8 +445,8 @@ void LazyWorld::check_budget() {
     const uint64_t used = resident_bytes();
     if (used > high_) short_.store(true, std::memory_order_relaxed);
     if (used > limit_)
-        refuse_memory(limit_ + (limit_ - low_), limit_, "for the strands that rays meet at the same time",
-                      false);
+        refuse_memory(limit_ + (limit_ - low_), limit_, "the strands that rays meet at the same time", false,
+                      "use fewer threads");
 }
 
 void LazyWorld::evict_patches() {

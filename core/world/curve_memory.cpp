@@ -11,12 +11,8 @@
 namespace marram {
 namespace {
 
-// Bytes of Embree's BVH, and of what building it takes besides, for each primitive. Measured; Embree 3.13.
-struct BvhCost {
-    double bvh, building;
-};
-
-BvhCost bvh_cost(bool pieces, bool oriented, double keys) {
+// Measured; Embree 3.13.
+BvhCost cost_of_curves(bool pieces, bool oriented, double keys) {
     if (keys < 2.0) return {pieces ? 31.0 : oriented ? 42.0 : 116.0, 60.0};
     if (keys < 3.0) return {pieces ? 45.0 : 71.0, 80.0};
     return {pieces ? 72.0 + 47.0 * (keys - 3.0) : 148.0 + 57.0 * (keys - 3.0), 88.0};
@@ -33,10 +29,9 @@ uint32_t least_pieces(const Build& build, const MarramOutput& output) {
 
 // As --memory reads it.
 std::string size_text(uint64_t bytes, bool rounds_up) {
-    const bool large = bytes >= uint64_t(1) << 30;
-    const double unit = large ? 0x1p30 / 10.0 : 0x1p20 * 10.0, units = double(bytes) / unit,
-                 whole = rounds_up ? std::ceil(units) : std::floor(units);
-    return large ? fmt::format("{:.1f}G", whole / 10.0) : fmt::format("{:.0f}M", whole * 10.0);
+    const auto whole = [&](double units) { return rounds_up ? std::ceil(units) : std::floor(units); };
+    return bytes < uint64_t(1) << 30 ? fmt::format("{:.0f}M", whole(double(bytes) / 0x1p20))
+                                     : fmt::format("{:.1f}G", whole(10.0 * double(bytes) / 0x1p30) / 10.0);
 }
 
 uint64_t now_needed(const Build& build) { return resident_bytes() + build.settings.memory.reserved; }
@@ -55,11 +50,15 @@ CurveMemory curve_memory(const CurveBuild& item, uint32_t pieces, uint32_t most_
     if (output.offsets) memory.arrays += segments * sizeof(uint32_t);
     for (const uint32_t a : item.attributes)
         memory.arrays += item.value_count(item.procedural->attributes()[a]) * sizeof(float);
-    const BvhCost cost = bvh_cost(pieces > 0, output.shape == MARRAM_ORIENTED_RIBBON,
-                                  double(std::min(keys, uint64_t(item.has_parts ? 2 : most_keys))));
+    const BvhCost cost = cost_of_curves(pieces > 0, output.shape == MARRAM_ORIENTED_RIBBON,
+                                        double(std::min(keys, uint64_t(item.has_parts ? 2 : most_keys))));
     memory.bvh = uint64_t(cost.bvh * double(primitives));
     memory.building = uint64_t(cost.building * double(primitives));
     return memory;
+}
+
+BvhCost bvh_of_cubics(MarramShape shape, double keys) {
+    return cost_of_curves(false, shape == MARRAM_ORIENTED_RIBBON, keys);
 }
 
 uint64_t triangle_bvh_bytes(uint64_t triangles) {

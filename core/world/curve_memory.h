@@ -19,6 +19,12 @@ struct CurveMemory {       // bytes
 // (tests/unit/world/memory_test.cpp).
 CurveMemory curve_memory(const CurveBuild& item, uint32_t pieces, uint32_t most_keys = max_motion_keys);
 
+// Bytes a segment or triangle: of Embree's BVH, and of what building it takes besides.
+struct BvhCost {
+    double bvh, building;
+};
+BvhCost bvh_of_cubics(MarramShape shape, double keys);
+
 // Of the BVH of still triangles, also while it is built; likewise.
 uint64_t triangle_bvh_bytes(uint64_t triangles);
 

@@ -426,6 +426,7 @@ void LazyWorld::merge_built_patches() {
 void LazyWorld::set_budget(const MemoryBudget& memory) {
     const uint64_t limit = memory.limit;
     if (limit == 0) return;
+    malloc_trim(0); // what the build has freed
     const uint64_t used = resident_bytes() + memory.reserved, room = limit - std::min(used, limit);
     uint64_t least = 0;
     for (const auto& one : curves) least = std::max(least, one->largest_patch_bytes());
@@ -433,8 +434,8 @@ void LazyWorld::set_budget(const MemoryBudget& memory) {
     if (room < least)
         refuse_memory(used + least, limit, "a few patches of strands a thread", false, "use fewer threads");
     limit_ = limit;
-    high_ = limit - room / 4;
-    low_ = limit - room / 2;
+    high_ = limit - room / 8;
+    low_ = limit - room / 4;
     // BVHs of small scenes reserve memory that they do not touch: what is resident decides.
     device_state_->limit = std::numeric_limits<int64_t>::max();
 }
@@ -445,7 +446,7 @@ void LazyWorld::check_budget() {
     const uint64_t used = resident_bytes();
     if (used > high_) short_.store(true, std::memory_order_relaxed);
     if (used > limit_)
-        refuse_memory(limit_ + (limit_ - low_), limit_, "the strands that rays meet at the same time", false,
+        refuse_memory(limit_ + 2 * (limit_ - low_), limit_, "the strands that rays meet at the same time", false,
                       "use fewer threads");
 }
 
@@ -470,6 +471,7 @@ void LazyWorld::evict(uint64_t down_to) {
     if (std::ranges::none_of(curves, [](const auto& one) { return one->merged_patches() > 0; })) return;
     for (const auto& one : curves) one->evict_merged(scene_.get());
     commit();
+    malloc_trim(0);
 }
 
 // Embree wants radii that are not negative when it builds.

@@ -3,6 +3,7 @@
 
 #include "core/shot/file_summary.h"
 #include "core/shot/settings.h"
+#include "core/world/curve_memory.h"
 
 #include <fmt/format.h>
 
@@ -91,15 +92,22 @@ std::string scene_summary(Shot& shot, const std::atomic<bool>& cancel) {
     text += mesh_reports(shot, stats.report);
     text += summaries_of_procedurals(shot);
     const double keys = chosen_motion_keys(shot.geometry, settings, cancel, progress);
-    // Embree's BVH over cubic segments, medium quality: bytes and thread seconds per segment and motion step.
-    constexpr double bvh_bytes = 122.0, bvh_seconds = 2e-6;
+    // Embree's BVH over cubic segments, medium quality: thread seconds per segment and motion step.
+    constexpr double bvh_seconds = 2e-6;
+    double bvh = 0.0, building = 0.0; // bytes
+    for (const CurveGeometry& curves : world.curves) {
+        const BvhCost cost = bvh_of_cubics(curves.shape, keys);
+        bvh += cost.bvh * double(curves.layout().segment_count());
+        building += cost.building * double(curves.layout().segment_count());
+    }
     const double segments = double(stats.segments);
     const auto [width, height] = film_size(shot);
     text += fmt::format("triangles: {}\ncurves: {}\nsegments: {}\n", triangles, stats.curves, stats.segments);
-    text += fmt::format("memory: about {:.0f} MB for curves and their BVH at {} motion keys\n",
+    text += fmt::format("memory: about {:.0f} MB for curves and their BVH at {} motion keys, {:.0f} MB more "
+                        "while it is built\n",
                         1e-6 * (double(stats.curve_bytes) * keys + double(stats.attribute_bytes) +
-                                stats.report("memory.curve_extra_bytes") + segments * bvh_bytes * keys),
-                        keys);
+                                stats.report("memory.curve_extra_bytes") + bvh),
+                        keys, 1e-6 * building);
     if (stats.volume_bytes > 0)
         text += fmt::format("velocities: {:.3g} MB\n", 1e-6 * double(stats.volume_bytes));
     text += fmt::format(

@@ -64,6 +64,32 @@ TEST(Render, GivesTheSamePictureOfLazyStrands) {
     EXPECT_GT(int(lazy_stats["lazy"]["built"]), 0);
 }
 
+// Before the first pixel, and without a trace of it.
+TEST(Render, IsRefusedWhereMemoryIsShort) {
+    const Folder folder;
+    const std::string scene =
+        folder.write("a.toml", SceneText{.film = "size = [48, 32]\nsamples = 1\n",
+                                         .groom = "count = 300000\ncvs = 8\nlength = [0.1, 0.2]\nwidth = 0.01\n"});
+    EXPECT_CONTAINS(marram({"info", scene}).out, "MB more while it is built");
+    const std::vector<std::string> plain = {"render", scene, "-o", folder / "a.exr", "--memory"};
+    const auto with = [&](std::vector<std::string> more) {
+        more.insert(more.begin(), plain.begin(), plain.end());
+        return marram(more);
+    };
+    const auto none = with({"1M"});
+    EXPECT_EQ(none.code, 2);
+    EXPECT_CONTAINS(none.err, "--memory: the frame needs more than ");
+    EXPECT_CONTAINS(none.err, "for the picture and what is loaded, and the process may take 1M");
+    const auto strands = with({"300M"});
+    EXPECT_EQ(strands.code, 2);
+    EXPECT_CONTAINS(strands.err, "for its strands, and the process may take 300M: allow more");
+    EXPECT_FALSE(std::filesystem::exists(folder / "a.exr"));
+    EXPECT_DONE(with({"2G", "--stats", folder / "a.json"}));
+    const auto stats = nlohmann::json::parse(read_file(folder / "a.json"));
+    EXPECT_EQ(uint64_t(stats["memory"]["budget_bytes"]), uint64_t(2) << 30);
+    EXPECT_LE(uint64_t(stats["memory"]["peak_bytes"]), uint64_t(2) << 30);
+}
+
 TEST(Render, ShowsTheWindAndTheShutter) {
     const Folder folder;
     const std::string scene = folder.write("a.toml", SceneText{});

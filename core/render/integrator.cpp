@@ -68,15 +68,34 @@ struct Deadline {
     bool passed() const { return time && clock() >= *time; }
 };
 
+// Keeps lazy patches for the rays of a thread, and lets go of them now and then.
+class KeptPatches {
+  public:
+    explicit KeptPatches(LazyGeometry* lazy)
+        : lazy_(lazy), kept_(lazy ? lazy->keep() : std::shared_lock<tbb::rw_mutex>()) {}
+    // Call it when nothing is needed any more of what rays have hit.
+    void let_go_if_short() {
+        if (!lazy_ || !lazy_->is_short()) return;
+        kept_.unlock();
+        lazy_->evict_patches();
+        kept_.lock();
+    }
+
+  private:
+    LazyGeometry* lazy_;
+    std::shared_lock<tbb::rw_mutex> kept_;
+};
+
 // Renders the samples [begin, end) of a pixel.
 void render_pixel(const RenderContext& context, uint32_t x, uint32_t y, uint32_t begin, uint32_t end,
-                  Film& film, RenderStats& stats) {
+                  Film& film, RenderStats& stats, KeptPatches& kept) {
     const size_t pixel_index = static_cast<size_t>(y) * film.width + x;
     FilmPixel& pixel = film.pixel_states[pixel_index];
     pixel.samples += end - begin;
     const Crop crop = crop_of(context.settings, film);
     const uint64_t seed = pixel_seed(context.settings.seed, crop.x + x, crop.y + y);
     for (uint32_t s = begin; s < end; ++s) {
+        kept.let_go_if_short();
         const Sampler sampler(seed, s);
         FirstHit first;
         const Ray ray = camera_ray(context, crop, crop.x + x, crop.y + y, sampler);
@@ -109,21 +128,16 @@ void render_tile(const RenderContext& context, const Tile& tile, uint32_t end, F
     LazyGeometry* const lazy = context.world.lazy.get();
     for (uint32_t y = tile.y0; y < tile.y1 && !stopped; ++y) {
         uint64_t advanced = 0; // samples
-        auto kept = lazy ? lazy->keep() : std::shared_lock<tbb::rw_mutex>();
+        KeptPatches kept(lazy);
         for (uint32_t x = tile.x0; x < tile.x1; ++x) {
             stopped = cancelled(progress) || deadline.passed() || (lazy && lazy->failed());
             if (stopped) break;
-            if (lazy && lazy->is_short()) {
-                kept.unlock();
-                lazy->evict_patches();
-                kept.lock();
-            }
             FilmPixel& pixel = film.pixel_states[static_cast<size_t>(y) * film.width + x];
             const uint32_t begin = pixel.next_sample;
             if (begin >= end) continue; // completed by an earlier render() that stopped within this pass
             pixel.next_sample = end;
             advanced += end - begin;
-            if (!pixel.converged) render_pixel(context, x, y, begin, end, film, stats);
+            if (!pixel.converged) render_pixel(context, x, y, begin, end, film, stats, kept);
         }
         if (progress) progress->samples_done.fetch_add(advanced, std::memory_order_relaxed);
     }

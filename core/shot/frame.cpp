@@ -265,9 +265,10 @@ namespace {
 
 // Of the frame's film, and of that with the samples before.
 uint64_t bytes_of_films(const Frame& frame) {
-    uint64_t bytes = film_bytes(frame.files.part.width(), frame.files.part.height(), frame.layers);
+    const bool catchers = has_shadow_catcher(frame.shot);
+    uint64_t bytes = film_bytes(frame.files.part.width(), frame.files.part.height(), frame.layers, catchers);
     const auto [width, height] = film_size(frame.shot);
-    if (!frame.options.after.empty()) bytes += film_bytes(width, height, frame.layers);
+    if (!frame.options.after.empty()) bytes += film_bytes(width, height, frame.layers, catchers);
     return bytes;
 }
 
@@ -380,6 +381,15 @@ std::vector<Problem> render_warnings(const Frame& frame) {
                          "picture is too dark",
                          depth, 100.0 * render.cut_throughput),
              "raise film.max_depth", "film.dark"});
+    const BuildStats& build = frame.stats.build;
+    if (build.rebuilt_patches > 2 * build.patches)
+        warnings.push_back(
+            {{"--memory"},
+             fmt::format("patches of strands were built {} times more than there are, as memory is "
+                         "short: it takes longer, and the picture is the same",
+                         build.rebuilt_patches),
+             "allow more than " + fmt::format("{} MB", frame.options.memory / 1'000'000),
+             "memory.short"});
     if (render.nonfinite_samples > 0)
         warnings.push_back({picture,
                             fmt::format("{} samples were discarded because their radiance was not finite",

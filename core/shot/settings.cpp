@@ -20,14 +20,14 @@ std::pair<uint32_t, uint32_t> film_size(const Shot& shot) {
     return {uint32_t(size.x()), uint32_t(size.y())};
 }
 
-uint64_t film_bytes(uint32_t width, uint32_t height, const std::vector<std::string>& layers) {
-    uint64_t of_pixel = sizeof(FilmPixel) + sizeof(CatcherSums);
+uint64_t film_bytes(uint32_t width, uint32_t height, const std::vector<std::string>& layers, bool catchers) {
+    uint64_t of_pixel = sizeof(FilmPixel) + (catchers ? sizeof(CatcherSums) : 0);
     for (const std::string& name : layers) {
         FilmLayer layer{.name = name, .kind = LayerKind::attribute, .channels = max_attribute_channels};
         const auto known = std::ranges::find(built_in_layers(), name, &BuiltInLayer::name);
         if (known != built_in_layers().end()) layer.kind = known->kind, layer.channels = known->channels;
         of_pixel += sum_count(layer) * sizeof(Int128) + sizeof(uint32_t); // and its count
-        of_pixel += 2 * layer.channels * sizeof(float);
+        of_pixel += layer.channels * sizeof(float);
     }
     return of_pixel * width * height;
 }

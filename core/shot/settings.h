@@ -14,9 +14,9 @@ namespace marram {
 
 std::pair<uint32_t, uint32_t> film_size(const Shot& shot); // pixels
 
-// Bytes that a film of these layers takes at most, in any world: sums, counts, states of pixels, shadow
-// catchers, resolved values, and a copy of these while they are written.
-uint64_t film_bytes(uint32_t width, uint32_t height, const std::vector<std::string>& layers);
+// Bytes that a film of these layers takes at most, in any world with or without shadow catchers: sums, counts,
+// states of pixels, resolved values. Not the copy that is written: what building a BVH takes is free by then.
+uint64_t film_bytes(uint32_t width, uint32_t height, const std::vector<std::string>& layers, bool catchers);
 
 BuildSettings build_settings(const Shot& shot, double frame);
 // The camera over the shutter, for making render meshes.

@@ -225,10 +225,6 @@ void set_keyed_materials(Shot& shot, double frame) {
     resolve_blends(items, shot.materials);
 }
 
-bool has_shadow_catcher(const Shot& shot) {
-    return std::ranges::any_of(shot.geometry.meshes, &SceneMesh::shadow_catcher);
-}
-
 std::shared_ptr<PluginLibrary> library_for(const PluginSet& plugins, const Item& item) {
     const std::string key = item.params.has("library") ? item.params.text("library") : "";
     return plugins.libraries.at(key);
@@ -500,6 +496,10 @@ void set_frame(Shot& shot, double frame) {
     if (changes.empty()) return;
     update_procedurals(shot.geometry.procedurals, shot.description.procedurals, shot.description.wind,
                        changes);
+}
+
+bool has_shadow_catcher(const Shot& shot) {
+    return std::ranges::any_of(shot.geometry.meshes, &SceneMesh::shadow_catcher);
 }
 
 bool is_transparent(const Shot& shot) {

@@ -84,6 +84,7 @@ void set_frame(Shot& shot, double frame);
 // True if pictures have transparent parts: no light at infinity is seen by the camera though there is one, or
 // a mesh is a shadow catcher.
 bool is_transparent(const Shot& shot);
+bool has_shadow_catcher(const Shot& shot);
 
 // Paths of the scene file and of all files that it names.
 std::vector<std::string> files_read(const Shot& shot, const std::string& file);

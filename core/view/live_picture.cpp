@@ -123,7 +123,9 @@ void LivePicture::build(Shot& shot, KeptGeometry kept, uint64_t memory, const st
          {request_.layer, std::string(settings_.noise_threshold > 0.0 ? "variance" : "")})
         if (!layer.empty() && std::ranges::find(layers, layer) == layers.end()) layers.push_back(layer);
     settings.attributes = wanted_attributes(shot, layers);
-    settings.memory = {.limit = memory, .reserved = film_ ? 0 : film_bytes(part_[2], part_[3], layers)};
+    settings.memory = {.limit = memory,
+                       .reserved =
+                           film_ ? 0 : film_bytes(part_[2], part_[3], layers, has_shadow_catcher(shot))};
     BuildStats stats;
     World world = build_world(shot.geometry, settings, stop, progress, stats, std::move(kept));
     if (!film_) film_ = make_film(part_[2], part_[3], layers, world);

@@ -76,7 +76,10 @@ void refuse_memory(uint64_t needed, uint64_t limit, const std::string& what_for,
 
 bool fits_memory(Build& build, const CurveBuild& item) {
     // Two keys may do for most curves (curve_parts.h).
-    const CurveMemory memory = curve_memory(item, least_pieces(build, item.output), 2);
+    const CurveMemory cubics = curve_memory(item, 0, 2),
+                      pieces = curve_memory(item, least_pieces(build, item.output), 2),
+                      memory = pieces.total() < cubics.total() || build.settings.curve_pieces > 0 ? pieces
+                                                                                                  : cubics;
     build.bvh_bytes += build.settings.trace_curves ? memory.bvh + memory.building : 0;
     const uint64_t limit = build.settings.memory.limit;
     if (limit == 0 || (build.refused.empty() && now_needed(build) + memory.arrays + build.bvh_bytes <= limit))
@@ -87,9 +90,12 @@ bool fits_memory(Build& build, const CurveBuild& item) {
     return false;
 }
 
-bool reads_refused(const Build& build, const Procedural& procedural) {
-    return std::ranges::any_of(build.refused,
-                               [&](const Procedural* one) { return procedural.names(one->name()); });
+bool reads_refused(Build& build, const Procedural& procedural) {
+    if (!std::ranges::any_of(build.refused,
+                             [&](const Procedural* one) { return procedural.names(one->name()); }))
+        return false;
+    build.refused.push_back(&procedural);
+    return true;
 }
 
 void raise_refused(const Build& build) {
@@ -110,8 +116,9 @@ void check_memory(const Build& build) {
                           cubics = curve_memory(item, 0); // whose arrays are there, but for the indices
         needed += memory.total() - cubics.arrays + item.layout().segment_count() * sizeof(uint32_t);
     }
-    uint64_t triangles = 0;
-    for (const MeshGeometry& mesh : build.world.meshes) triangles += mesh.triangles.size();
+    uint64_t triangles = 0; // whose BVH is not made yet
+    if (build.settings.trace_curves)
+        for (const MeshGeometry& mesh : build.world.meshes) triangles += mesh.triangles.size();
     needed += triangle_bvh_bytes(triangles);
     if (needed > limit)
         refuse_memory(needed, limit, any_eager ? "its strands and the BVH" : "its meshes and the BVH", false,

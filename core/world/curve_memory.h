@@ -35,8 +35,8 @@ uint64_t triangle_bvh_bytes(uint64_t triangles);
 
 // Before curves are made: whether they fit, with all that were made before. If not, they count as refused.
 bool fits_memory(Build& build, const CurveBuild& item);
-// Whether a procedural reads curves that were refused.
-bool reads_refused(const Build& build, const Procedural& procedural);
+// Whether a procedural reads what was refused: then it is, too.
+bool reads_refused(Build& build, const Procedural& procedural);
 // Throws InputError if curves were refused.
 void raise_refused(const Build& build);
 

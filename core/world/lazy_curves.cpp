@@ -377,9 +377,12 @@ void LazyCurves::restore_round_marks() {
 }
 
 uint64_t LazyCurves::largest_patch_bytes() const {
-    uint64_t largest = 0;
-    for (const MarramPatch& patch : item_.patches) largest = std::max<uint64_t>(largest, patch.curve_count);
-    return uint64_t(double(memory_.total()) * double(largest) / double(item_.output.curve_count));
+    const CurveLayout layout = item_.layout();
+    uint64_t largest = 0; // vertices
+    for (const MarramPatch& patch : item_.patches)
+        largest = std::max<uint64_t>(largest, layout.first_vertex(patch.first_curve + patch.curve_count) -
+                                                  layout.first_vertex(patch.first_curve));
+    return uint64_t(double(memory_.total()) * double(largest) / double(layout.vertex_count()));
 }
 
 uint64_t LazyCurves::merged_bvh_bytes() const {
@@ -428,14 +431,15 @@ void LazyWorld::set_budget(const MemoryBudget& memory) {
     if (limit == 0) return;
     malloc_trim(0); // what the build has freed
     const uint64_t used = resident_bytes() + memory.reserved, room = limit - std::min(used, limit);
-    uint64_t least = 0;
-    for (const auto& one : curves) least = std::max(least, one->largest_patch_bytes());
-    least *= patches_at_once * uint64_t(tbb::this_task_arena::max_concurrency());
-    if (room < least)
-        refuse_memory(used + least, limit, "a few patches of strands a thread", false, "use fewer threads");
+    for (const auto& one : curves) largest_patch_ = std::max(largest_patch_, one->largest_patch_bytes());
+    const uint64_t at_once =
+        largest_patch_ * patches_at_once * uint64_t(tbb::this_task_arena::max_concurrency());
+    if (room < at_once)
+        refuse_memory(used + at_once, limit, "a few patches of strands a thread", false, "use fewer threads");
     limit_ = limit;
-    high_ = limit - room / 8;
-    low_ = limit - room / 4;
+    // For what is built until no ray is traced: one that grazes a lawn meets dozens of patches.
+    high_ = limit - std::min(std::max(room / 8, 8 * at_once), room / 4);
+    low_ = high_ - room / 16;
     // BVHs of small scenes reserve memory that they do not touch: what is resident decides.
     device_state_->limit = std::numeric_limits<int64_t>::max();
 }
@@ -445,14 +449,19 @@ void LazyWorld::check_budget() {
     if (limit_ == 0) return;
     const uint64_t used = resident_bytes();
     if (used > high_) short_.store(true, std::memory_order_relaxed);
-    if (used > limit_)
-        refuse_memory(limit_ + 2 * (limit_ - low_), limit_, "the strands that rays meet at the same time", false,
-                      "use fewer threads");
+    if (used + largest_patch_ > limit_)
+        refuse_memory(limit_ + 2 * (limit_ - high_), limit_, "the strands that rays meet at the same time",
+                      false, "use fewer threads");
 }
 
 void LazyWorld::evict_patches() {
     const std::unique_lock lock(in_use_);
-    if (short_.exchange(false, std::memory_order_relaxed)) evict(low_);
+    if (!short_.exchange(false, std::memory_order_relaxed)) return;
+    try {
+        tbb::this_task_arena::isolate([&] { evict(low_); }); // it may commit the scene, and holds the lock
+    } catch (...) {
+        fail(std::current_exception());
+    }
 }
 
 // Those that were met least recently first, an eighth of all at a time: how much memory each gives back is

@@ -177,6 +177,7 @@ class LazyWorld : public LazyGeometry {
 
     // Resident bytes: the budget; from where on, and down to where, patches are evicted. 0: no budget.
     uint64_t limit_ = 0, high_ = 0, low_ = 0;
+    uint64_t largest_patch_ = 0; // bytes
     std::atomic<uint32_t> builds_{0};
     std::shared_ptr<RTCSceneTy> scene_;
     std::shared_ptr<DeviceState> device_state_;

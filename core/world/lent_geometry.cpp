@@ -18,8 +18,8 @@ void copy(const std::vector<Vec3f>& from, float* to) {
 std::vector<MarramAttribute> lent_attributes(const std::vector<AttributeValues>& attributes) {
     std::vector<MarramAttribute> lent;
     for (const AttributeValues& a : attributes)
-        lent.push_back({a.name.c_str(), a.components, a.rate, a.discrete ? 1U : 0U, "", a.values.data(),
-                        a.animated ? 1U : 0U});
+        lent.push_back(
+            {a.name.c_str(), a.components, a.rate, a.discrete ? 1U : 0U, "", a.data(), a.animated ? 1U : 0U});
     return lent;
 }
 

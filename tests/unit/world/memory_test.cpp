@@ -71,6 +71,13 @@ INSTANTIATE_TEST_SUITE_P(
         MemoryCase{"pieces_of_five_keys", "round", 2, 5}),
     [](const auto& info) { return std::string(info.param.name); });
 
+// Sanitizers keep what was freed: what is resident says little.
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+constexpr bool is_sanitized = true;
+#else
+constexpr bool is_sanitized = false;
+#endif
+
 TEST(Memory, OfTrianglesIsForecast) {
     TestScene scene(mesh("ball", "sphere", "divisions = 400\n"));
     const World world = scene.build();
@@ -185,7 +192,8 @@ TEST_P(EvictedPatches, AreBuiltAgainToTheSameBits) {
         wanted = trace_lawn(world, rays);
     }
     malloc_trim(0);
-    lazy.settings.memory = {resident_bytes() + (uint64_t(96) << 20), 0}; // all patches take more
+    lazy.settings.memory = {resident_bytes() + (uint64_t(is_sanitized ? 4096 : 96) << 20),
+                            0}; // all patches take more
     const World world = lazy.build();
     ASSERT_TRUE(world.curves[0].lazy);
     uint64_t most = 0;
@@ -197,8 +205,10 @@ TEST_P(EvictedPatches, AreBuiltAgainToTheSameBits) {
     world.lazy->raise_failure();
     EXPECT_LE(most, lazy.settings.memory.limit);
     add_lazy_stats(world, lazy.stats);
-    EXPECT_GT(lazy.stats.evicted_patches, 0U);
-    EXPECT_GT(lazy.stats.rebuilt_patches, 0U);
+    if (!is_sanitized) {
+        EXPECT_GT(lazy.stats.evicted_patches, 0U);
+        EXPECT_GT(lazy.stats.rebuilt_patches, 0U);
+    }
     EXPECT_LE(lazy.stats.built_patches, lazy.stats.patches);
 }
 INSTANTIATE_TEST_SUITE_P(Pieces, EvictedPatches, ::testing::Values(0, 2));
@@ -221,6 +231,7 @@ TEST(LazyPatches, AreEvictedInARow) {
         ASSERT_EQ(differences(trace_lawn(world, rays), wanted), 0U) << i;
     }
     lazy.raise_failure();
+    if (is_sanitized) return;
     const uint64_t bytes = resident_bytes();
     for (int i = 0; i < 100; ++i) {
         lazy.evict(0);

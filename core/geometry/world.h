@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The world of one frame as Embree sees it: two scenes that share the collider geometries. Plain data but for `lazy`, built
-// by core/world/build.h and read by the path tracer.
+// The world of one frame as Embree sees it: two scenes that share the collider geometries. Plain data but for
+// `lazy`, built by core/world/build.h and read by the path tracer.
 #pragma once
 
 #include "core/geometry/attribute_values.h"

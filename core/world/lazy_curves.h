@@ -25,7 +25,7 @@
 // That scene's BVH is built anew, with the memory that this takes.
 //
 // With a budget (BuildSettings::memory), patches that rays have met least recently are evicted when the process
-// comes near it: between rows of a tile, when no ray is traced. They are built again when a ray meets them, to
+// comes near it: between two samples, when no thread traces a ray. They are built again when a ray meets them, to
 // the same bits. Patches are merged only where the merged BVH fits as well. A ray whose patches do not fit
 // with those of all other threads ends the frame with an error.
 //

@@ -185,7 +185,7 @@ TEST_P(EvictedPatches, AreBuiltAgainToTheSameBits) {
         scene->settings.attributes = {"id"};
     }
     lazy.settings.lazy = Lazy::always;
-    const std::vector<Ray> rays = lawn_rays(40000);
+    const std::vector<Ray> rays = lawn_rays(4000);
     std::vector<MetPoint> wanted;
     {
         const World world = eager.build();
@@ -197,7 +197,7 @@ TEST_P(EvictedPatches, AreBuiltAgainToTheSameBits) {
     const World world = lazy.build();
     ASSERT_TRUE(world.curves[0].lazy);
     uint64_t most = 0;
-    for (int pass = 0; pass < 3; ++pass) {
+    for (int pass = 0; pass < 2; ++pass) {
         EXPECT_EQ(differences(trace_lawn(world, rays), wanted), 0U);
         most = std::max(most, resident_bytes());
         world.lazy->merge_built_patches();

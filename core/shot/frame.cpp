@@ -386,7 +386,7 @@ std::vector<Problem> render_warnings(const Frame& frame) {
         warnings.push_back(
             {{"--memory"},
              fmt::format("patches of strands were built {} times more than there are, as memory is "
-                         "short: it takes longer, and the picture is the same",
+                         "short, which takes longer",
                          build.rebuilt_patches),
              "allow more than " + fmt::format("{} MB", frame.options.memory / 1'000'000),
              "memory.short"});

@@ -34,7 +34,7 @@ World build(Shot& shot, const Dial& dial, const Session& session, const std::ato
     if (dial.error != DialError::motion) settings.shutter_open = settings.shutter_close = 0.0;
     settings.trace_curves = dial.time == "strands and BVH" || dial.error == DialError::image ||
                             dial.error == DialError::view; // rays are traced
-    if (dial.error == DialError::view) settings.camera = camera_samples(shot, session.frame);
+    settings.render_meshes = dial.error == DialError::view;
     settings.attributes =
         dial.error == DialError::image ? wanted_attributes(shot, {}) : std::vector<std::string>{};
     if (dial.error == DialError::surface) settings.state_folder.clear(); // simulations start anew

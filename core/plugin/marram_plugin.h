@@ -328,6 +328,21 @@ typedef struct MarramStates { /* valid while prepare() runs; one thread at a tim
 
 typedef enum MarramStage { MARRAM_REST = 0, MARRAM_BENT = 1, MARRAM_FINAL = 2 } MarramStage;
 
+/* The camera: for render meshes and levels of detail only. Interpolate linearly between samples. */
+typedef struct MarramView {
+    size_t size;
+    double frame;
+    uint32_t time_count;      /* 1 ... 64 */
+    const double* times;      /* in frames, ascending */
+    const double* positions;  /* [time_count], xyz packed */
+    const double* directions; /* [time_count], unit view directions */
+    const double* ups;        /* [time_count], unit, perpendicular to the directions */
+    double fov;               /* vertical angle of view, radians */
+    uint32_t width, height;   /* pixels */
+    double tolerance;         /* metres, 0: see tolerance_pixels */
+    double tolerance_pixels;  /* pixels, 0: half a pixel */
+} MarramView;
+
 /* Frames and times are between -1e12 and 1e12: later ones cannot be told apart. */
 typedef struct MarramFrame { /* valid from begin until the frame's last call, report included */
     size_t size;
@@ -373,22 +388,8 @@ typedef struct MarramFrame { /* valid from begin until the frame's last call, re
      * it; one that does not sets MarramOutput.all_curves.
      */
     double share;
+    const MarramView* view; /* NULL: make all curves in full, as for a bake, or where others read them */
 } MarramFrame;
-
-/* The camera, for making render meshes only. Interpolate linearly between samples. */
-typedef struct MarramView {
-    size_t size;
-    double frame;
-    uint32_t time_count;      /* 1 ... 64 */
-    const double* times;      /* in frames, ascending */
-    const double* positions;  /* [time_count], xyz packed */
-    const double* directions; /* [time_count], unit view directions */
-    const double* ups;        /* [time_count], unit, perpendicular to the directions */
-    double fov;               /* vertical angle of view, radians */
-    uint32_t width, height;   /* pixels */
-    double tolerance;         /* metres, 0: see tolerance_pixels */
-    double tolerance_pixels;  /* pixels, 0: half a pixel */
-} MarramView;
 
 /* ---- What a procedural outputs ------------------------------------------------------------------------- */
 

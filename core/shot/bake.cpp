@@ -149,7 +149,7 @@ BuildSettings build_settings_for_bake(const Shot& shot, const BakeSettings& sett
     build.shutter_open = build.shutter_close = 0.0; // no motion samples
     build.stage = stage_of(settings.stage);
     build.trace_curves = false;
-    build.camera.reset(); // growth surfaces, not render meshes
+    build.camera.reset(); // all strands
     build.attributes = settings.attributes;
     build.attributes.emplace_back("id");
     return build;

@@ -282,7 +282,7 @@ World build_frame(Frame& frame, KeptGeometry kept) {
     frame.settings.samples = frame.files.part.end_sample;
     BuildSettings settings = build_settings(frame.shot, frame.files.frame);
     settings.attributes = wanted_attributes(frame.shot, frame.layers);
-    settings.camera = camera_samples(frame.shot, frame.files.frame);
+    settings.render_meshes = true;
     const std::string& geometry = frame.shot.description.film.text("geometry");
     settings.lazy = geometry == "lazy" ? Lazy::always : geometry == "auto" ? Lazy::automatic : Lazy::never;
     settings.memory = {.limit = frame.options.memory, .reserved = bytes_of_films(frame)};

@@ -71,6 +71,8 @@ BuildSettings build_settings(const Shot& shot, double frame) {
         description.film.has("motion_keys") ? uint32_t(description.film.integer("motion_keys")) : 0;
     if (description.film.has("curve_pieces"))
         settings.curve_pieces = description.film.integer("curve_pieces");
+    settings.camera = camera_samples(shot, frame);
+    settings.render_meshes = false;
     return settings;
 }
 

@@ -18,8 +18,9 @@ std::pair<uint32_t, uint32_t> film_size(const Shot& shot); // pixels
 // states of pixels, resolved values. Not the copy that is written: what building a BVH takes is free by then.
 uint64_t film_bytes(uint32_t width, uint32_t height, const std::vector<std::string>& layers, bool catchers);
 
+// For the camera's levels of detail, but on growth surfaces.
 BuildSettings build_settings(const Shot& shot, double frame);
-// The camera over the shutter, for making render meshes.
+// The camera over the shutter.
 CameraSamples camera_samples(const Shot& shot, double frame);
 RenderSettings render_settings(const Shot& shot, double frame);
 

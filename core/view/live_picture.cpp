@@ -40,7 +40,7 @@ BuildSettings settings_for(const PictureRequest& request, const Shot& shot, cons
     view.later.clear();
     view.cosine = 1.0 / std::hypot(1.0, half_height, half_height * aspect);
     view.pixel_angle = 2.0 * half_height / request.height;
-    settings.camera = camera_samples(shot, request.frame);
+    settings.render_meshes = true;
     settings.camera->times = {settings.camera->times.front()};
     settings.camera->positions = {pose.position};
     settings.camera->directions = {view.forward};

@@ -57,7 +57,8 @@ std::shared_ptr<const std::string> text_of(const json& message) {
     return std::make_shared<std::string>(message.dump(-1, ' ', false, json::error_handler_t::replace));
 }
 
-// Strands as `marram bake` writes them: without motion, not traced, on growth surfaces.
+// Strands as `marram bake` writes them: without motion, not traced, on growth surfaces; but those of a level of
+// detail as the scene's camera sees them.
 BuildSettings settings_to_play(const Shot& shot, double frame, double share, uint64_t memory,
                                const std::string& values = {}) {
     BuildSettings settings = build_settings(shot, frame);

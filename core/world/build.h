@@ -63,7 +63,8 @@ struct BuildSettings {
     // thousandth of their length).
     double tolerance = 0.0;
     View view;
-    std::optional<CameraSamples> camera; // none: growth surfaces are rendered
+    std::optional<CameraSamples> camera; // none: all strands, and growth surfaces, are rendered
+    bool render_meshes = true;           // for the camera; false: growth surfaces all the same
     std::vector<std::string> attributes; // of curves, by name; ignored if a procedural does not have them
     double share = 0.0; // of a preview: about this share of the curves, 0 ... 1; 0: all (MarramFrame.share)
     // Radii of curves of which only a share is made grow by this power of all / made. 1: they cover as much

@@ -212,6 +212,8 @@ double pose_error(const Build& build, Procedural& procedural, const MeshGeometry
     return most;
 }
 
+} // namespace
+
 MarramView view_of(const Build& build, const CameraSamples& camera) {
     MarramView view{};
     view.size = sizeof view;
@@ -231,8 +233,6 @@ MarramView view_of(const Build& build, const CameraSamples& camera) {
         view.tolerance = build.settings.tolerance;
     return view;
 }
-
-} // namespace
 
 void place_meshes(Build& build) {
     for (const SceneMesh& mesh : build.geometry.meshes) {
@@ -299,7 +299,7 @@ void make_mesh(Build& build, Procedural& procedural, uint32_t id) {
 }
 
 void make_render_meshes(Build& build) {
-    if (!build.settings.camera) return;
+    if (!build.settings.camera || !build.settings.render_meshes) return;
     const MarramView view = view_of(build, *build.settings.camera);
     for (size_t i = 0; i < build.geometry.procedurals.size(); ++i) {
         Procedural& procedural = *build.geometry.procedurals[i];

@@ -102,6 +102,8 @@ inline void take_warnings(BuildStats& stats, Procedural& procedural) {
 void place_meshes(Build& build);
 // Makes the growth surface of one procedural.
 void make_mesh(Build& build, Procedural& procedural, uint32_t id);
+// What procedurals learn of the camera, whose arrays it points to.
+MarramView view_of(const Build& build, const CameraSamples& camera);
 // Replaces growth surfaces by the render meshes that procedurals make for the camera.
 void make_render_meshes(Build& build);
 // Embree's geometry of a mesh, made once.

@@ -59,7 +59,14 @@ LentGeometry::LentGeometry(Build& build, Procedural& to, std::vector<double> tim
     frame_ = plain_frame(build, times_);
     // What others read is made whole.
     const auto reads_it = [&](const auto& other) { return other->names(to.name()); };
-    if (std::ranges::none_of(build.geometry.procedurals, reads_it)) frame_.share = build.settings.share;
+    if (to.kind() == MARRAM_CURVES && std::ranges::none_of(build.geometry.procedurals, reads_it)) {
+        frame_.share = build.settings.share;
+        camera_ = build.settings.camera;
+        if (camera_) {
+            view_ = view_of(build, *camera_);
+            frame_.view = &view_;
+        }
+    }
     frame_.colliders = collider_scene(build, ids);
     frame_.meshes = meshes_.data();
     frame_.mesh_count = uint32_t(meshes_.size());

@@ -5,6 +5,7 @@
 #include "core/world/build_state.h"
 
 #include <deque>
+#include <optional>
 #include <vector>
 
 namespace marram {
@@ -43,6 +44,8 @@ class LentGeometry {
     std::vector<Procedural*> makers_; // [meshes_] of those that procedurals have made, else nullptr
     std::vector<MarramCurves> curves_;
     MarramFrame frame_{};
+    std::optional<CameraSamples> camera_; // of view_
+    MarramView view_{};
 };
 
 } // namespace marram

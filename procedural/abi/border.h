@@ -154,6 +154,14 @@ void check_patch_buffers(const MarramPatchBuffers* buffers, uint32_t time_count,
 // The same for a mesh.
 void check_mesh_buffers(const MarramMeshBuffers* buffers, size_t attribute_count);
 
+// The fields of a view that this version knows. Throws SceneFault if it is invalid.
+inline MarramView checked_view(const MarramView* given) {
+    const MarramView view = known_part(given);
+    if (const ContractFault fault = view_fault(view); !fault.what.empty())
+        throw SceneFault("contract.view", fault.place, fault.what, fault.remedy);
+    return view;
+}
+
 // A frame that the host lends, its fields that this version knows.
 struct LentFrame {
     MarramFrame frame{}; // points into `meshes`
@@ -172,6 +180,7 @@ inline LentFrame lent_frame(const MarramFrame* given) {
         known_parts(frame.curves, frame.curves_count, frame.curves_stride);
     if (const ContractFault fault = frame_fault(frame, lent.meshes, curves); !fault.what.empty())
         throw SceneFault("contract.frame", fault.place, fault.what, fault.remedy);
+    if (frame.view) checked_view(frame.view);
     return lent;
 }
 

@@ -233,10 +233,7 @@ class EntryPoints {
             if (!given || !out)
                 throw SceneFault("contract.null_view", "", "the view or the output is NULL", "pass both");
             check_begun(instance);
-            const MarramView view = known_part(given);
-            if (const ContractFault fault = view_fault(view); !fault.what.empty())
-                throw SceneFault("contract.view", fault.place, fault.what, fault.remedy);
-            fill_known_part(instance.begin_view(view), out);
+            fill_known_part(instance.begin_view(checked_view(given)), out);
         });
     }
 

@@ -226,7 +226,7 @@ MarramOutput StrandInstance::begin(LentFrame lent) {
         forget_past();
     } else {
         Digest instances;
-        instances.add(std::bit_cast<uint64_t>(frame.share));
+        instances.add(made_digest());
         for (const MeshInstance& m : mesh_instances)
             instances.add(m.mesh ? m.mesh->name : "").add(m.transform_at_bind.data(), 16 * sizeof(double));
         if (instances.value() != instances_digest) drop_states();

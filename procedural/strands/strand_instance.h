@@ -71,7 +71,7 @@ struct StrandInstance : Instance {
     std::deque<JiggleState> guide_states; // [batch of guides]
     double kept_cvs = 0.0;                // in these, with unused lanes
     std::optional<StepChoice> step_choice;
-    uint64_t instances_digest = 0;    // of mesh_instances: which, and where at bind_frame; and of frame.share
+    uint64_t instances_digest = 0;    // of mesh_instances: which, and where at bind_frame; and made_digest()
     PastSettings past_settings;       // that jiggle_states, guide_states and `past` were made with
     std::optional<double> last_frame; // rendered with these values, if any
     GustStart gust_start;
@@ -145,6 +145,7 @@ struct StrandInstance : Instance {
     // Strands that are evaluated to choose the step of jiggle.
     virtual JigglePilot pilot(double tolerance, size_t strands) const = 0;
     virtual bool moves() const = 0;                         // rest strands, within the shutter
+    virtual uint64_t made_digest() const { return 0; }      // of the choice of strands that the frame makes
     virtual bool curves_move() const { return false; }      // imported strands, in their file, at any time
     virtual double travel_of_curves() const { return 0.0; } // of those in the last 256 frames, roughly, m
     virtual LongWork work() const = 0; // CVs of the frame, and the remedy if there are many

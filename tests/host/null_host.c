@@ -417,9 +417,9 @@ static void check_bad_values(const MarramProcedural* type) {
         size_t number_count; /* of `numbers` */
         double numbers[4];
         const char* text;
-    } bad[] = {{"count", "1 to 4e+08", 1, {-5}, NULL},
+    } bad[] = {{"count", "1 to 2e+09", 1, {-5}, NULL},
                {"count", "a whole number", 1, {2.5}, NULL},
-               {"count", "1 to 4e+08", 1, {NAN}, NULL},
+               {"count", "1 to 2e+09", 1, {NAN}, NULL},
                {"count", "give 1", 0, {0}, NULL},
                {"length", "lower number first", 2, {2, 1}, NULL},
                {"length", "give 2", 1, {2}, NULL},

@@ -2,11 +2,11 @@
 #include "core/math/clock.h"
 #include "procedural/abi/border.h"
 #include "procedural/abi/parallel.h"
-#include "procedural/strands/grown/covered_roots.h"
 #include "procedural/strands/grown/groom_bounds.h"
 #include "procedural/strands/grown/groom_canopy.h"
 #include "procedural/strands/grown/groom_instance.h"
 #include "procedural/strands/grown/groom_output.h"
+#include "procedural/strands/grown/groom_placing.h"
 #include "procedural/strands/grown/groom_warnings.h"
 #include "procedural/strands/grown/guide_motion.h"
 #include "procedural/strands/rest_strands.h"
@@ -95,275 +95,7 @@ uint32_t GroomInstance::update(std::span<const MarramValue> list, uint32_t input
     return same_layout ? uint32_t(MARRAM_POSITIONS | MARRAM_ATTRIBUTES) : uint32_t(MARRAM_EVERYTHING);
 }
 
-// ---- Roots
-
-namespace {
-
-void find_mesh(GroomInstance& instance) {
-    instance.mesh = nullptr;
-    for (uint32_t i = 0; i < instance.frame.mesh_count; ++i)
-        if (instance.meshes[i].instance_of == 0 && instance.groom.mesh == instance.meshes[i].name)
-            instance.mesh = &instance.meshes[i];
-    instance.attributes.clear();
-    if (instance.mesh)
-        instance.attributes = known_parts(instance.mesh->attributes, instance.mesh->attribute_count,
-                                          instance.mesh->attribute_stride);
-    if (!instance.mesh)
-        throw SceneFault("groom.no_mesh", instance.groom.mesh_place,
-                         "there is no mesh '" + instance.groom.mesh + "' to grow on",
-                         "name one of the scene's");
-}
-
-// Images need uvs. Where the mesh has uvs outside the unit square, images repeat unless the groom says
-// otherwise.
-void prepare_images(GroomInstance& instance) {
-    constexpr float rounding = 1e-4F; // of exporters
-    const std::vector<ScalarImage*> images = images_of(instance.groom);
-    if (images.empty()) return;
-    const MarramMesh& mesh = *instance.mesh;
-    if (!mesh.uvs)
-        throw SceneFault("groom.no_uvs", images[0]->place(),
-                         "the mesh '" + instance.groom.mesh + "' has no uvs for this image",
-                         "give it uvs, or use one of its attributes, height or slope");
-    const bool tiled = std::ranges::any_of(std::span(mesh.uvs, 2 * size_t(mesh.vertex_count)),
-                                           [](float v) { return v < -rounding || v > 1.0F + rounding; });
-    for (ScalarImage* image : images) image->set_repeats(instance.groom.images_repeat.value_or(tiled));
-}
-
-// Digest of a mesh's topology. If the host gives none, only the counts are compared.
-uint64_t topology_digest(const MarramMesh& mesh) {
-    return Digest().add(mesh.topology).add(mesh.vertex_count).add(mesh.triangle_count).value();
-}
-
-// Digest of everything in the mesh that determines the roots: triangles, bind pose, uvs, and attributes that
-// scale the density.
-uint64_t mesh_digest(const GroomInstance& instance) {
-    const MarramMesh& mesh = *instance.mesh;
-    Digest digest;
-    digest.add(topology_digest(mesh))
-        .add(mesh.triangles, 12 * size_t(mesh.triangle_count))
-        .add(instance.bind_positions);
-    if (mesh.uvs) digest.add(mesh.uvs, 8 * size_t(mesh.vertex_count));
-    for (const Factor& factor : instance.groom.density_masks.factors) {
-        if (factor.image) continue; // included in the digest of the values
-        const MarramAttribute& attribute = instance.attributes[factor.index];
-        const size_t count = attribute.rate == MARRAM_PER_FACE ? mesh.triangle_count : mesh.vertex_count;
-        digest.add(attribute.values, count * sizeof(float));
-    }
-    return digest.value();
-}
-
-void read_bind_pose(GroomInstance& instance) {
-    instance.bind_positions.resize(3 * size_t(instance.mesh->vertex_count));
-    const bool normals = instance.groom.guides && instance.mesh->normals;
-    instance.bind_normals.resize(normals ? instance.bind_positions.size() : 0);
-    pose_lent_mesh(instance.frame, instance.mesh_index(), instance.frame.bind_frame,
-                   instance.bind_positions.data(), normals ? instance.bind_normals.data() : nullptr);
-}
-
-// The vertices of the guides in the bind pose.
-std::vector<float> guide_vertices_at_bind(const GroomInstance& instance, const LentCurves& curves) {
-    const MarramFrame& frame = instance.frame;
-    std::vector<float> vertices(4 * (curves.cv_count() + 2 * curves.count()));
-    if (!curves.curves.moves) {
-        std::copy_n(curves.curves.vertices[0], vertices.size(), vertices.begin());
-        return vertices;
-    }
-    if (!frame.pose_curves)
-        throw SceneFault("contract.no_pose_curves", "", "MarramFrame.pose_curves is NULL",
-                         "give a function that poses curves at any time, or static curves");
-    pose_lent_curves(frame, curves.index, frame.bind_frame, 0, curves.count(), vertices);
-    return vertices;
-}
-
-// Digest of the guide curves and parting lines; 0: none. If a procedural grows them on an evolving terrain,
-// they differ from frame to frame.
-uint64_t guides_digest(const GroomInstance& instance) {
-    Digest digest;
-    if (!instance.groom.guides) return 0;
-    const GuideSettings& settings = *instance.groom.guides;
-    const LentCurves curves = find_curves(instance.frame, settings.curves, settings.place);
-    digest.add(guide_vertices_at_bind(instance, curves)).add(curves.count());
-    if (!settings.lines.empty()) {
-        const LentCurves lines = find_curves(instance.frame, settings.lines, settings.lines_place);
-        digest.add(lines.curves.vertices[0], 16 * (lines.cv_count() + 2 * lines.count())).add(lines.count());
-    }
-    return digest.value();
-}
-
-// Thins the roots where no guide is near.
-void leave_out_roots_beyond_guides(GroomInstance& instance, const Surface& bind) {
-    const size_t count = instance.roots.size();
-    const uint32_t seed = instance.groom.seed;
-    std::vector<char> beyond(count, false);
-    marram::parallel_for(tbb::blocked_range<size_t>(0, count, 4096), [&](const auto& range) {
-        for (size_t i = range.begin(); i < range.end(); ++i) {
-            const Root root = instance.roots[i];
-            const double density =
-                instance.guides->density_at(bind.point(root.triangle, root_weights(seed, root)));
-            beyond[i] = unit_double(root_hash(seed, root, Purpose::reach)) >= density;
-        }
-    });
-    size_t kept = 0;
-    for (size_t i = 0; i < count; ++i)
-        if (!beyond[i]) instance.roots[kept++] = instance.roots[i];
-    instance.roots.resize(kept);
-    warn_beyond_guides(instance, count - kept, count);
-}
-
-// Builds the guides in the bind pose, and each strand's blend of them.
-void build_guides(GroomInstance& instance, const std::function<bool()>& cancelled) {
-    instance.guides.reset();
-    instance.blends.clear();
-    if (!instance.groom.guides) return;
-    const GuideSettings& settings = *instance.groom.guides;
-    const MarramFrame& frame = instance.frame;
-    const LentCurves curves = find_curves(frame, settings.curves, settings.place);
-    const std::vector<float> vertices = guide_vertices_at_bind(instance, curves);
-    std::vector<std::vector<Vec3d>> lines;
-    if (!settings.lines.empty()) {
-        const LentCurves parting_curves = find_curves(frame, settings.lines, settings.lines_place);
-        for (uint64_t c = 0; c < parting_curves.count(); ++c) {
-            std::vector<Vec3d>& line = lines.emplace_back();
-            const float* v = parting_curves.curves.vertices[0] + 4 * (parting_curves.first_vertex(c) + 1);
-            for (uint32_t k = 0; k < parting_curves.cvs(c); ++k)
-                line.emplace_back(double(v[4 * k]), double(v[4 * k + 1]), double(v[4 * k + 2]));
-        }
-    }
-    const Surface bind{instance.bind_positions.data(),
-                       instance.bind_normals.empty() ? nullptr : instance.bind_normals.data(),
-                       instance.mesh->triangles,
-                       instance.mesh->uvs,
-                       instance.mesh->triangle_count,
-                       {}};
-    instance.guides = std::make_shared<const GuideSet>(
-        settings, curves, vertices.data(), bind, instance.mesh->vertex_count, std::move(lines), cancelled);
-    instance.stop_if_cancelled();
-    warn_of_guides(instance, instance.guides->binding());
-    leave_out_roots_beyond_guides(instance, bind);
-    instance.blends.resize(instance.roots.size());
-    marram::parallel_for(tbb::blocked_range<size_t>(0, instance.roots.size(), 256), [&](const auto& range) {
-        if (cancelled()) return;
-        for (size_t i = range.begin(); i < range.end(); ++i) {
-            const Root root = instance.roots[i];
-            const Vec3d weights = root_weights(instance.groom.seed, root);
-            instance.blends[i] = instance.guides->blend_at(bind.point(root.triangle, weights),
-                                                           frame_at(bind, root.triangle, weights).normal);
-        }
-    });
-    instance.stop_if_cancelled();
-}
-
-// The meshes that can cover roots: none unless strands collide.
-std::vector<const MarramMesh*> covering_meshes_of(const GroomInstance& instance) {
-    if (!instance.wind.collision || !instance.groom.clear_of_meshes) return {};
-    return covering_meshes(instance.frame, instance.meshes, *instance.mesh);
-}
-
-// Leaves out the roots, and their blends of guides, that other meshes cover.
-void leave_out_covered_roots(GroomInstance& instance, const std::function<bool()>& cancelled) {
-    instance.covered_roots = 0;
-    const std::vector<const MarramMesh*> covering = covering_meshes_of(instance);
-    instance.placed_covering_digest = digest_of_meshes(covering);
-    if (covering.empty() || instance.roots.empty()) return;
-    const RootCover cover(instance.frame.device, covering);
-    constexpr size_t batch = 512;
-    const size_t count = instance.roots.size();
-    std::vector<int> covered(count);
-    std::vector<Vec3f> starts(count);
-    Groom groom = instance.groom;
-    groom.cvs = 2;                             // only the first is looked at
-    const SkinPoses poses = instance.poses(0); // the mesh does not move
-    marram::parallel_for(size_t{0}, (count + batch - 1) / batch, [&](size_t b) {
-        if (cancelled()) return;
-        const size_t first = b * batch, size = std::min(batch, count - first);
-        const std::span<const Root> roots = std::span(instance.roots).subspan(first, size);
-        Strands strands;
-        strands.resize(int(size), groom.cvs, false);
-        const auto guided = instance.guided(first, size);
-        expand(groom, instance.wind, poses, roots, strands, guided ? &*guided : nullptr);
-        for (size_t i = 0; i < size; ++i) {
-            const Wide3f& start = strands.rest[i / lanes * size_t(groom.cvs)];
-            const auto lane = int(i % lanes);
-            starts[first + i] = Vec3f(start.x[lane], start.y[lane], start.z[lane]);
-            covered[first + i] =
-                cover.covered_by(poses.bind.point(roots[i].triangle, root_weights(groom.seed, roots[i])),
-                                 starts[first + i].cast<double>());
-        }
-    });
-    instance.stop_if_cancelled();
-    std::vector<Cover> covers(covering.size());
-    const bool shared = has_instances(instance.frame, instance.meshes, *instance.mesh); // of the roots
-    size_t kept = 0;
-    for (size_t i = 0; i < count; ++i) {
-        if (covered[i] < 0 || shared) {
-            instance.roots[kept] = instance.roots[i];
-            if (!instance.blends.empty()) instance.blends[kept] = instance.blends[i];
-            ++kept;
-        }
-        if (covered[i] < 0) continue;
-        Cover& by = covers[size_t(covered[i])];
-        if (by.roots++ == 0) by.mesh = cover.mesh(covered[i]).name, by.place = starts[i].cast<double>();
-    }
-    instance.roots.resize(kept);
-    if (!instance.blends.empty()) instance.blends.resize(kept);
-    instance.covered_roots = count - kept;
-    warn_of_covered_roots(instance, covers, count);
-}
-
-// Keeps the roots if everything that places them is unchanged. On an evolving terrain they are placed again
-// in each frame. Whether a strand exists depends on its own hash, so most strands persist between frames.
-void invalidate_roots_if_mesh_changed(GroomInstance& instance) {
-    read_bind_pose(instance);
-    if (mesh_digest(instance) != instance.placed_mesh_digest ||
-        guides_digest(instance) != instance.placed_guides_digest ||
-        digest_of_meshes(covering_meshes_of(instance)) != instance.placed_covering_digest)
-        instance.placed = false;
-    instance.mesh_may_differ = false;
-}
-
-void place_strands(GroomInstance& instance) {
-    const double begin = wall_seconds();
-    read_bind_pose(instance);
-    const auto cancelled = [&] { return instance.cancelled(); };
-    PlacedRoots placed = place_roots(instance.groom, instance.poses(0).bind, cancelled);
-    instance.roots = std::move(placed.roots);
-    instance.placing_peak_bytes = placed.peak_bytes;
-    instance.stop_if_cancelled();
-    warn_of_no_strands(instance);
-    warn_of_tiles(instance);
-    build_guides(instance, cancelled);
-    leave_out_covered_roots(instance, cancelled);
-    instance.canopy.reset();
-    instance.placed = true;
-    instance.mesh_may_differ = false;
-    instance.placed_topology_digest = topology_digest(*instance.mesh);
-    instance.placed_mesh_digest = mesh_digest(instance);
-    instance.placed_guides_digest = guides_digest(instance);
-    instance.begin_seconds.place += wall_seconds() - begin;
-}
-
-} // namespace
-
 // ---- A frame
-
-namespace {
-
-// The roots of the frame's share: they depend on the hash of each alone.
-void choose_roots(GroomInstance& instance) {
-    instance.share = instance.frame.share > 0.0 && instance.frame.share < 1.0 ? instance.frame.share : 1.0;
-    instance.chosen_roots.clear();
-    instance.chosen_blends.clear();
-    if (instance.share == 1.0) return;
-    for (size_t i = 0; i < instance.roots.size(); ++i) {
-        const Root root = instance.roots[i];
-        if (unit_double(root_hash(instance.groom.seed, root, Purpose::share)) >= instance.share) continue;
-        instance.chosen_roots.push_back(root);
-        if (!instance.blends.empty()) instance.chosen_blends.push_back(instance.blends[i]);
-    }
-}
-
-} // namespace
 
 void GroomInstance::lay_out() {
     find_mesh(*this);
@@ -374,10 +106,17 @@ void GroomInstance::lay_out() {
                          "the mesh '" + groom.mesh +
                              "' has other triangles than when its strands were placed",
                          "keep its topology, or create the procedural again");
+    mesh_instances = find_mesh_instances(frame, *mesh);
+    lod = level_of_detail_of(groom, frame);
     if (placed) invalidate_roots_if_mesh_changed(*this);
     if (!placed) {
         forget_past();
         place_strands(*this);
+        place_sample(*this);
+        warn_of_no_strands(*this);
+    } else if (digest_of_levels(*this) != placed_levels_digest) {
+        place_strands(*this);
+        if (lod && sample.empty()) place_sample(*this);
     }
     if (wind.jiggle) { // attributes may scale lengths or the wind, and differ from frame to frame
         Digest digest;
@@ -392,8 +131,7 @@ void GroomInstance::lay_out() {
         if (digest.value() != attributes_digest) forget_past();
         attributes_digest = digest.value();
     }
-    mesh_instances = find_mesh_instances(frame, *mesh);
-    choose_roots(*this);
+    made = choose_strands(*this);
     if (guides) groom.length = {0.0, guides->longest_child()};
     find_canopy(*this);
 }
@@ -403,9 +141,9 @@ PilotGroom GroomInstance::pilot_groom() const {
             wind,
             frame,
             *mesh,
-            roots,
+            lod ? sample : roots,
             poses(0).bind,
-            guided(0, roots.size()),
+            lod ? guided(sample_blends, 0, sample.size()) : guided(0, roots.size()),
             max_instance_scale(mesh_instances)};
 }
 
@@ -427,7 +165,7 @@ void GroomInstance::choose_cvs() {
 
 LongWork GroomInstance::work() const {
     LongWork amount;
-    amount.cvs = double(made_roots().size() * mesh_instances.size()) * groom.cvs;
+    amount.cvs = double(made.curves) * groom.cvs;
     amount.cvs_per_strand = groom.cvs;
     amount.remedy = "ask for fewer strands or CVs, a larger tolerance, or stronger jiggle.damping";
     return amount;
@@ -451,10 +189,11 @@ void GroomInstance::finish_frame() {
 MarramOutput GroomInstance::output() {
     MarramOutput output{};
     output.kind = MARRAM_CURVES;
-    output.curve_count = mesh_instances.size() * made_roots().size();
-    output.all_curves = mesh_instances.size() * roots.size();
+    made.number_patches(uint32_t(strands_per_patch(groom.cvs)));
+    output.curve_count = made.curves;
+    output.all_curves = lod ? made.curves : mesh_instances.size() * roots.size();
     output.cvs_per_curve = uint32_t(groom.cvs);
-    output.patch_count = patch_count();
+    output.patch_count = made.patches;
     output.time_count = time_count;
     output.basis = groom.basis;
     output.shape = groom.shape;
@@ -468,10 +207,11 @@ namespace {
 RestStrandSource patch_rest_strand_source(const GroomInstance& instance, const GroomPatch& patch,
                                           StageClock& clock) {
     const std::span<const Root> roots = patch.roots;
-    const auto lay_out = [&instance, roots](const Surface& now, Strands& strands) {
+    const std::span<const float> factors = patch.width_factors;
+    const auto lay_out = [&instance, roots, factors](const Surface& now, Strands& strands) {
         const auto guided = instance.guided(roots);
         expand(instance.groom, instance.wind, {instance.poses(0).bind, now}, roots, strands,
-               guided ? &*guided : nullptr);
+               guided ? &*guided : nullptr, factors);
     };
     return rest_strand_source(instance, patch.mesh_instance, lay_out, &clock);
 }
@@ -491,7 +231,7 @@ void GroomInstance::tessellate(uint32_t index, const MarramPatchBuffers& buffers
     const bool jiggles = !past.window.empty() && !follows;
     if (jiggles) {
         const KeptState kept = kept_state(index, 0, strands);
-        jiggle_patch(chain, rest_strands, strands, worker.chain, index % patches_per_instance(), kept.get());
+        jiggle_patch(chain, rest_strands, strands, worker.chain, patch.within, kept.get());
     }
     for (uint32_t time = 0; time < time_count; ++time) {
         // If the mesh is static, later motion samples reuse the rest strands.
@@ -528,9 +268,9 @@ void GroomInstance::report_own(const ReportSink& sink) const {
 
 // The candidates of placing are freed before the rest is allocated.
 StrandInstance::Bytes GroomInstance::bytes() const {
-    return {(roots.capacity() + chosen_roots.capacity()) * sizeof(Root) + bind_positions.capacity() * 4 +
-                blends.capacity() * sizeof(GuideBlend) + (guides ? guides->bytes() : 0) +
-                (canopy ? canopy->bytes() : 0),
+    return {(roots.capacity() + sample.capacity()) * sizeof(Root) + ranks.capacity() * sizeof(float) +
+                made.bytes() + bind_positions.capacity() * 4 + blends.capacity() * sizeof(GuideBlend) +
+                (guides ? guides->bytes() : 0) + (canopy ? canopy->bytes() : 0),
             0, placing_peak_bytes};
 }
 

@@ -9,24 +9,23 @@ namespace marram {
 namespace {
 
 // Greatest distance of any part of a strand from its root, including width and clearance. `max_coordinate`:
-// of the roots. Bending preserves length, so a strand stays in a ball about its root. B-splines stay in the
+// of the roots; `width_factor`: the widest. Bending preserves length, so a strand stays in a ball about its root. B-splines stay in the
 // convex hull of their CVs, also in the end spans with phantom CVs; Catmull-Rom leaves it by less than a
 // third of a segment.
-double reach_from_root(const GroomInstance& instance, double max_coordinate) {
+double reach_from_root(const GroomInstance& instance, double max_coordinate, double width_factor) {
     const Groom& groom = instance.groom;
-    const double length = longest_strand(groom);
+    const double length = longest_strand(groom), width = width_factor * groom.width;
     double max_radius = 0.0; // of a strand of width 1
     for (const float radius : instance.radius_profile) max_radius = std::max(max_radius, double(radius));
     const double overshoot = groom.basis == MARRAM_CATMULL_ROM ? length / (3.0 * (groom.cvs - 1)) : 0.0;
     double offset = 0.0, clearance = 0.0;
     if (const auto& collision = instance.wind.collision) {
-        offset = root_offset(*collision, length, groom.width * instance.radius_profile[0]);
+        offset = root_offset(*collision, length, width * instance.radius_profile[0]);
         clearance = std::max(collision->clearance.value_or(0.0), offset);
     }
     // At least 1: clearances do not shrink with instances.
     const double instance_scale = std::max(max_instance_scale(instance.mesh_instances), 1.0);
-    return instance_scale * (length + overshoot + groom.width * max_radius + offset + clearance) *
-               (1.0 + 1e-5) +
+    return instance_scale * (length + overshoot + width * max_radius + offset + clearance) * (1.0 + 1e-5) +
            4.0 * (max_coordinate + instance_scale * (length + offset)) * 0x1p-23;
 }
 
@@ -58,7 +57,8 @@ Eigen::AlignedBox3d bounds_of_strands(const GroomInstance& instance) {
         extend_by_instances(instance, time, on_mesh, box);
     }
     const double reach =
-        reach_from_root(instance, std::max(box.min().cwiseAbs().maxCoeff(), box.max().cwiseAbs().maxCoeff()));
+        reach_from_root(instance, std::max(box.min().cwiseAbs().maxCoeff(), box.max().cwiseAbs().maxCoeff()),
+                        instance.made.widest);
     return {box.min().array() - reach, box.max().array() + reach};
 }
 
@@ -106,7 +106,9 @@ MarramPatch patch_bounds(const GroomInstance& instance, uint32_t index) {
         }
     }
     max_coordinate = std::max({max_coordinate, lower.cwiseAbs().maxCoeff(), upper.cwiseAbs().maxCoeff()});
-    const double reach = reach_from_root(instance, max_coordinate);
+    const double widest =
+        patch.width_factors.empty() ? 1.0 : double(*std::ranges::max_element(patch.width_factors));
+    const double reach = reach_from_root(instance, max_coordinate, widest);
     for (int axis = 0; axis < 3; ++axis) {
         out.lower[axis] = float(lower[axis] - reach);
         out.upper[axis] = float(upper[axis] + reach);

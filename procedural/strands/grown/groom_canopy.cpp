@@ -50,7 +50,10 @@ void find_canopy(GroomInstance& instance) {
     };
     if (instance.canopy && std::ranges::none_of(factors_of(instance.groom), changes)) return;
     constexpr size_t batch = 512;
-    const size_t count = instance.roots.size();
+    // Those of a level of detail stand for all: their widths do.
+    const std::span<const Root> roots = instance.lod ? instance.made.roots : std::span(instance.roots);
+    const std::span<const float> factors = instance.made.width_factors;
+    const size_t count = roots.size();
     std::vector<CanopyStrand> stand(count);
     Groom groom = instance.groom;
     groom.cvs = 4;
@@ -61,9 +64,10 @@ void find_canopy(GroomInstance& instance) {
         Strands strands;
         strands.has_wind_share = !groom.factors[of_wind].empty();
         strands.resize(int(size), groom.cvs, false);
-        const auto guided = instance.guided(first, size);
-        expand(groom, instance.wind, {poses.bind, poses.bind}, std::span(instance.roots).subspan(first, size),
-               strands, guided ? &*guided : nullptr);
+        const std::span<const Root> some = roots.subspan(first, size);
+        const auto guided = instance.lod ? instance.guided(some) : instance.guided(first, size);
+        expand(groom, instance.wind, {poses.bind, poses.bind}, some, strands, guided ? &*guided : nullptr,
+               factors.empty() ? factors : factors.subspan(first, size));
         for (size_t i = 0; i < size; ++i) stand[first + i] = canopy_strand(strands, i, mean_width);
     });
     instance.canopy = std::make_shared<const Canopy>(stand, groom.canopy_attenuation);

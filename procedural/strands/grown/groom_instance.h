@@ -4,6 +4,8 @@
 #pragma once
 
 #include "procedural/strands/grown/groom_settings.h"
+#include "procedural/strands/grown/level_of_detail.h"
+#include "procedural/strands/grown/made_strands.h"
 #include "procedural/strands/grown/roots.h"
 #include "procedural/strands/grown/strand_shape.h"
 #include "procedural/strands/strand_instance.h"
@@ -36,7 +38,9 @@ struct GuideMotion {
 struct GroomPatch {
     const MeshInstance& mesh_instance;
     std::span<const Root> roots;
+    std::span<const float> width_factors; // [root], or empty: 1
     uint64_t first_curve;
+    uint32_t within; // number among the patches of the mesh instance
 };
 
 struct ParsedGroom; // groom.cpp
@@ -45,16 +49,18 @@ struct GroomInstance : StrandInstance {
     Groom groom;               // includes the settings chosen for the frame
     uint64_t roots_digest = 0; // of the values that determine the roots
 
-    std::vector<Root> roots;
+    std::vector<Root> roots; // with a level of detail, those that may be made, and few others
     std::vector<float> bind_positions;
     std::shared_ptr<const GuideSet> guides; // nullptr: none
     std::vector<GuideBlend> blends;         // [root], if there are guides
     uint64_t covered_roots = 0;             // left out, see covered_roots.h
-    // What a frame asks for by MarramFrame.share. Only strands that are made are fewer: what is chosen for
-    // the groom depends on all.
-    double share = 1.0;
-    std::vector<Root> chosen_roots;        // share < 1: those whose hash is below it, in order
-    std::vector<GuideBlend> chosen_blends; // [chosen root], if there are guides
+    std::optional<LevelOfDetail> lod;       // of the frame
+    std::vector<float> ranks;               // [root], with a level of detail
+    // With a level of detail: a sample of all roots, the same in every frame. What is chosen for the groom
+    // depends on it.
+    std::vector<Root> sample;
+    std::vector<GuideBlend> sample_blends; // [root of the sample], if there are guides
+    MadeStrands made;                      // in the frame
     std::vector<float> bind_normals;       // if there are guides and the mesh has normals
     GuideMotion guide_motion;
     std::shared_ptr<const Canopy> canopy; // of the strands, if groom.canopy
@@ -65,6 +71,7 @@ struct GroomInstance : StrandInstance {
     // Digests taken when the roots were placed: of the mesh's topology, of all mesh data that determines the
     // roots, and of guides and parting lines.
     uint64_t placed_topology_digest = 0, placed_mesh_digest = 0, placed_guides_digest = 0;
+    uint64_t placed_levels_digest = 0;   // digest_of_levels()
     uint64_t placed_covering_digest = 0; // of the meshes that can cover roots
     uint64_t attributes_digest = 0;      // of the mesh's, if there is jiggle
     bool mesh_may_differ = false;        // as announced by update()
@@ -94,34 +101,36 @@ struct GroomInstance : StrandInstance {
         return {bind, now};
     }
     // The roots whose strands are made.
-    std::span<const Root> made_roots() const { return share < 1.0 ? chosen_roots : roots; }
+    std::span<const Root> made_roots() const { return made.all ? roots : made.roots; }
     // The guides of `count` roots from `first` on; nullopt if there are none.
     std::optional<Guided> guided(size_t first, size_t count) const { return guided(blends, first, count); }
     // The same of some of made_roots().
     std::optional<Guided> guided(std::span<const Root> of) const {
-        return guided(share < 1.0 ? chosen_blends : blends, size_t(of.data() - made_roots().data()),
-                      of.size());
+        return guided(made.all ? blends : made.blends, size_t(of.data() - made_roots().data()), of.size());
     }
     std::optional<Guided> guided(std::span<const GuideBlend> of, size_t first, size_t count) const {
         if (!guides) return std::nullopt;
-        const Surface bind{bind_positions.data(), bind_normals.empty() ? nullptr : bind_normals.data(),
-                           mesh->triangles,       mesh->uvs,
-                           mesh->triangle_count,  {}};
-        return Guided{*guides, of.subspan(first, count), bind};
+        return Guided{*guides, of.subspan(first, count), guided_skin()};
     }
-    uint32_t patches_per_instance() const {
-        const auto size = uint64_t(strands_per_patch(groom.cvs));
-        return uint32_t((made_roots().size() + size - 1) / size);
+    Surface guided_skin() const { // in the bind pose
+        return {bind_positions.data(), bind_normals.empty() ? nullptr : bind_normals.data(),
+                mesh->triangles,       mesh->uvs,
+                mesh->triangle_count,  {}};
     }
-    uint32_t patch_count() const { return uint32_t(mesh_instances.size()) * patches_per_instance(); }
+    uint32_t patch_count() const { return made.patches; }
     // Patches are grouped by mesh instance.
     GroomPatch patch_at(uint32_t patch) const {
-        const size_t index = patch / patches_per_instance(), within = patch % patches_per_instance();
-        const auto size = size_t(strands_per_patch(groom.cvs));
-        const size_t first = within * size;
-        const std::span<const Root> made = made_roots();
-        return {mesh_instances[index], made.subspan(first, std::min(size, made.size() - first)),
-                index * made.size() + first};
+        const auto after =
+            std::ranges::upper_bound(made.on, patch, {}, &MadeStrands::OnInstance::first_patch);
+        const MadeStrands::OnInstance& strands = *(after - 1);
+        const uint32_t within = patch - strands.first_patch;
+        const auto size = size_t(strands_per_patch(groom.cvs)), first = within * size,
+                   count = std::min(size, strands.count - first);
+        const std::span<const float> factors = made.width_factors;
+        return {mesh_instances[size_t(&strands - made.on.data())],
+                made_roots().subspan(strands.begin + first, count),
+                factors.empty() ? factors : factors.subspan(strands.begin + first, count),
+                strands.first_curve + first, within};
     }
 
   protected:
@@ -135,6 +144,7 @@ struct GroomInstance : StrandInstance {
     const Blade* blade() const override { return groom.blade ? &*groom.blade : nullptr; }
     JigglePilot pilot(double tolerance, size_t strands) const override;
     bool moves() const override { return mesh->time_count > 1 || instances_move(); }
+    uint64_t made_digest() const override { return made.digest; }
     LongWork work() const override;
     ChainFrame make_chain(PastWind* earlier) override;
     Eigen::AlignedBox3d bounds() const override;

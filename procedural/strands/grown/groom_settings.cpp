@@ -6,7 +6,8 @@
 // are blown by the scene's wind (procedural/wind). Density, length, width, lean, arc, curl, clump, frizz and
 // wind are maxima: NAME_by scales them over the surface by a product of ramps over attributes of the mesh and
 // over images. A strand keeps its id and shape when the density changes elsewhere, when the frame changes,
-// and when unrelated parameters change.
+// and when unrelated parameters change. With lod, fewer and wider strands are made where they are narrower
+// than the tolerance in pixels (level_of_detail.h; scenes/coast.toml).
 //
 //     [[procedural]]
 //     type = "groom"
@@ -47,7 +48,7 @@ constexpr std::array groom_values = {
     param::mesh("on", "", "each",
                 "mesh that the strands grow on; a list makes one groom per mesh, with the same parameters"),
     param::number("density", "1/m^2", "none", 0, 1e12, "strands a square metre; this or count"),
-    param::integer("count", "", "none", 1, 400000000,
+    param::integer("count", "", "none", 1, 2000000000,
                    "total number of strands, after masks; this or density"),
     param::image("density_mask", "none", "uv", "scale of the density, by uv"),
     param::ramp("density_by_height", "m", "none", -embree_limit, embree_limit, "scale of the density over y"),
@@ -96,6 +97,10 @@ constexpr std::array groom_values = {
     param::ramp("width_profile", "", "[[0, 1], [1, 0.1]]", -embree_limit, embree_limit,
                 "scale of the width from root to tip"),
     param::number("width_variation", "", "0.1", 0, 1, "largest random reduction of the width, as a fraction"),
+    param::boolean(
+        "lod", "false",
+        "level of detail: where strands are narrower than tolerance_pixels, fewer stand for all, as "
+        "wide as that; a count is then met within 2 %"),
     param::integer("cvs", "", "8", 0, 1000,
                    "control vertices a strand; 0: as many as show the bend within the tolerance",
                    "5|9|17|33|65", ""),
@@ -457,7 +462,7 @@ uint64_t roots_digest(const Values& values) {
     };
     for (const char* name :
          {"on", "density", "count", "density_mask", "density_by_height", "density_by_slope", "image_wrap",
-          "spacing", "seed", "guides.curves", "guides.blend", "guides.parting", "guides.parting_lines",
+          "spacing", "seed", "lod", "guides.curves", "guides.blend", "guides.parting", "guides.parting_lines",
           "guides.length", "guides.reach", "guides.wind"})
         if (const MarramValue* value = values.find(name)) add(*value);
     const auto add_factors = [&](const std::string& list) {
@@ -532,6 +537,7 @@ Groom read_groom(const Values& values) {
         if (share < 0.0)
             throw SceneFault("groom.negative_width", values.at("width_profile").place,
                              "width_profile goes below 0", "a width cannot be negative");
+    groom.level_of_detail = values.boolean("lod");
     groom.cvs = values.integer("cvs");
     if (groom.cvs == 1)
         throw SceneFault("groom.one_cv", values.at("cvs").place, "cvs is 1",

@@ -120,6 +120,7 @@ struct Groom {
     double frizz_amplitude = 0.0, frizz_frequency = 0.0;
 
     double width = 0.0, width_variation = 0.0; // m; fraction
+    bool level_of_detail = false;              // level_of_detail.h
     Ramp width_profile;
     int cvs = 0; // 0: chosen by the tolerance
     MarramBasis basis = MARRAM_BSPLINE;

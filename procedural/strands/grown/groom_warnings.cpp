@@ -98,7 +98,7 @@ void warn_of_tiles(GroomInstance& instance) {
 }
 
 void warn_of_no_strands(const GroomInstance& instance) {
-    if (instance.roots.empty())
+    if (instance.roots.empty() && instance.sample.empty())
         send(instance.host, MARRAM_WARNING, "groom.no_strands", instance.groom.count_place,
              "no strands: the density, or the density times the masks, is 0 or almost 0", "raise it");
 }

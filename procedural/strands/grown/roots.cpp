@@ -7,13 +7,9 @@
 // threads in any order: a candidate with the highest priority among its undecided neighbours is kept, one
 // next to a kept candidate of higher priority is dropped, and all others wait.
 //
-// The number of candidates for a density d follows from the kinetics of random sequential adsorption of
-// discs: with coverage c = (number per unit area) * pi r^2 / 4 and attempts t in the same unit,
-//     dc/dt = phi(c),   phi(c) = 1 - 4 c + 6 sqrt(3)/pi c^2 + (40/(sqrt(3) pi) - 176/(3 pi^2)) c^3 + O(c^4)
-// (P. Schaaf and J. Talbot, "Surface exclusion effects in adsorption processes", J. Chem. Phys. 91, 1989),
-// accurate to 1 % up to the coverage used here. So a density needs only one pass, and other parts of the mesh
-// have no influence. A count samples more candidates and keeps the highest priorities, which equals stopping
-// the throws at that number.
+// The number of candidates for a density follows from the kinetics of random sequential adsorption
+// (adsorption.h). So a density needs only one pass, and other parts of the mesh have no influence. A count
+// samples more candidates and keeps the highest priorities, which equals stopping the throws at that number.
 //
 // Neighbours: candidates are sorted by grid cell, row by row along x. Cells are r/2 long in x and 2r wide in
 // y and z. So neighbours within r lie in the candidate's row and in the three rows adjoining its half of the
@@ -21,13 +17,19 @@
 #include "procedural/strands/grown/roots.h"
 
 #include "procedural/abi/parallel.h"
+#include "procedural/strands/grown/adsorption.h"
+#include "procedural/strands/grown/density_mask.h"
 
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <bit>
+#include <bitset>
 #include <cmath>
+#include <limits>
+#include <numeric>
 
 namespace marram {
 namespace {
@@ -37,20 +39,7 @@ namespace {
 constexpr double full_distance = 0.5;
 constexpr double full_coverage = full_distance * full_distance * pi / 4.0;
 
-// Attempts per kept disc up to coverage c: the integral of dc / phi(c), divided by c.
-double attempts_per_disc(double coverage) {
-    if (coverage <= 0.0) return 1.0;
-    constexpr int steps = 256;
-    constexpr double b2 = 3.30797, b3 = 1.40688;
-    double attempts = 0.0;
-    for (int i = 0; i < steps; ++i) {
-        const double c = coverage * (i + 0.5) / steps;
-        attempts += 1.0 / (1.0 - 4.0 * c + b2 * c * c + b3 * c * c * c);
-    }
-    return attempts / steps;
-}
-
-// A cell's key holds its indices z, y and x, from the most to the least significant bits.
+// A cell's key holds its indices z, y and x, from the most significant bits on.
 constexpr int x_bits = 23, row_bits = 20;
 constexpr double x_unit = 0.5, row_unit = 2.0; // size of a cell along x, and along y and z, in units of r
 constexpr double max_rows = double((1U << row_bits) - 4); // along y and z; x has the bits for as much
@@ -105,7 +94,25 @@ void sort_by_cell(std::span<Candidate> list) {
 
 // Lower numbers have higher priority. Equal 64-bit hashes are very unlikely, but both candidates would wait
 // for each other; the order of the list decides between them.
-uint64_t priority(uint32_t seed, Root root) { return root_hash(seed, root, Purpose::priority); }
+//
+// With a level of detail, candidates of a triangle are thrown in the order of their numbers, each triangle's
+// at an even rate. So the first of them are found without a look at the others, and are spread more evenly.
+struct Priority {
+    uint32_t seed = 0;
+    const std::vector<uint64_t>* first = nullptr; // [triangle + 1], of all candidates: with a level of detail
+
+    uint64_t operator()(Root root) const {
+        const uint64_t h = root_hash(seed, root, Purpose::priority);
+        if (!first) return h;
+        const auto count = double((*first)[size_t(root.triangle) + 1] - (*first)[root.triangle]);
+        return share_of_all((double(root.index) + unit_double(h)) / count);
+    }
+    // The priority up to which a share of all candidates is thrown.
+    static uint64_t share_of_all(double share) {
+        const double scaled = std::ldexp(share, 64);
+        return scaled < 0x1p64 ? uint64_t(scaled) : std::numeric_limits<uint64_t>::max();
+    }
+};
 
 struct DiscGrid {
     Vec3d origin;
@@ -141,76 +148,6 @@ struct Place3 {
         return (x - b.x) * (x - b.x) + (y - b.y) * (y - b.y) + (z - b.z) * (z - b.z);
     }
 };
-
-// The density masks over a surface, relative to `full`. A count depends only on the ratios of mask values, so
-// faint masks need no more candidates than strong ones.
-struct DensityMask {
-    const Groom& groom;
-    const Surface& bind;
-    double full = 1.0;
-
-    bool masked() const { return groom.density_masks.any(); }
-    double at(Root root) const {
-        const Vec3d weights = root_weights(groom.seed, root);
-        return at(root.triangle, weights);
-    }
-    double at(uint32_t triangle, const Vec3d& weights) const {
-        const double share = groom.density_masks(bind, triangle, weights);
-        return std::min(share / full, 1.0);
-    }
-    bool keeps(Root root) const { return unit_double(root_hash(groom.seed, root, Purpose::mask)) < at(root); }
-};
-
-// Greatest value of a ramp over an interval: between two ramp points it is monotone.
-double greatest(const Ramp& ramp, double low, double high) {
-    double most = std::max(ramp(low), ramp(high));
-    for (size_t i = 0; i < ramp.positions().size(); ++i)
-        if (ramp.positions()[i] > low && ramp.positions()[i] < high) most = std::max(most, ramp.values()[i]);
-    return most;
-}
-
-// False if the masks are 0 on the whole triangle, so that no candidates are sampled there.
-bool may_grow(const DensityMask& mask, uint32_t triangle) {
-    const Masks& masks = mask.groom.density_masks;
-    const auto p = mask.bind.corners(triangle);
-    if (masks.image && masks.image->high() <= 0.0) return false;
-    if (masks.by_slope) {
-        const Vec3d n = plane_normal(p);
-        if ((*masks.by_slope)(std::atan2(std::hypot(n.x(), n.z()), n.y()) / degree) <= 0.0) return false;
-    }
-    if (masks.by_height) {
-        const double low = std::min({p[0].y(), p[1].y(), p[2].y()}),
-                     high = std::max({p[0].y(), p[1].y(), p[2].y()});
-        if (greatest(*masks.by_height, low, high) <= 0.0) return false;
-    }
-    for (const Factor& factor : masks.factors) {
-        const auto [low, high] = factor.input_range(mask.bind, triangle);
-        if (greatest(factor.ramp, low, high) <= 0.0) return false;
-    }
-    return true;
-}
-
-// Mean and greatest mask value over the surface, sampled densely enough to resolve a thousandth of the area.
-struct MaskStatistics {
-    double mean = 1.0, most = 1.0;
-};
-
-MaskStatistics mask_statistics(const DensityMask& mask, double area) {
-    if (!mask.masked()) return {};
-    constexpr uint32_t points = 1U << 18;
-    double sum = 0.0, most = 0.0, passed = 0.0;
-    uint32_t sample_count = 0; // one point per area / points, in the order of the triangles
-    for (uint32_t t = 0; t < mask.bind.triangle_count; ++t) {
-        passed += mask.bind.area(t);
-        for (uint32_t i = 0; sample_count < points && (sample_count + 0.5) * area < passed * points;
-             ++sample_count, ++i) {
-            const double share = mask.at(t, root_weights(~mask.groom.seed, {t, i}));
-            sum += share;
-            most = std::max(most, share);
-        }
-    }
-    return {sum / points, most};
-}
 
 // A Poisson distributed number with mean m from a triangle's hash. It is monotone in m, so a change of
 // density does not renumber candidates. Small means invert the distribution, large ones use its normal limit
@@ -260,31 +197,31 @@ DiscGrid grid_of(const Surface& bind, double radius) {
     return {lower, std::max({radius, extent / (row_unit * max_rows), std::numeric_limits<double>::min()})};
 }
 
-// Candidates of all triangles, sorted. Candidates with mask value 0 are skipped: blocks are counted first and
-// then filled, so that skipped ones take no memory.
+// Candidates of all triangles, sorted: those that are wanted, all if that is empty. They are counted first and
+// then filled in, so that others take a bit of memory.
 std::vector<Candidate> draw_candidates(const DensityMask& mask, const DiscGrid& grid,
-                                       double candidate_density, bool spaced,
+                                       const std::vector<uint64_t>& first,
+                                       const std::function<bool(Root)>& is_wanted,
                                        const std::function<bool()>& cancelled) {
-    const std::vector<uint64_t> first = candidate_offsets(mask, candidate_density, spaced);
     constexpr uint64_t block_size = 16384;
     const uint64_t blocks = (first.back() + block_size - 1) / block_size;
-    // Calls body(root) for every candidate of a block that the masks do not exclude.
+    // Calls body(root, number in the block) for every candidate of a block.
     const auto visit = [&](uint64_t block, auto&& body) {
         const uint64_t begin = block * block_size, end = std::min(begin + block_size, first.back());
         auto t = uint32_t(std::upper_bound(first.begin(), first.end(), begin) - first.begin() - 1);
         for (uint64_t i = begin; i < end; ++i) {
             while (i >= first[size_t(t) + 1]) ++t;
-            const Root root{t, uint32_t(i - first[t])};
-            if (!mask.masked() || mask.at(root) > 0.0) body(root);
+            body(Root{t, uint32_t(i - first[t])}, i - begin);
         }
     };
     std::vector<uint64_t> start(blocks + 1, 0);
+    std::vector<std::bitset<block_size>> wanted(is_wanted ? blocks : 0);
     marram::parallel_for(uint64_t{0}, blocks, [&](uint64_t block) {
         if (cancelled()) return;
         uint64_t count = std::min(block_size, first.back() - block * block_size);
-        if (mask.masked()) {
-            count = 0;
-            visit(block, [&](Root) { ++count; });
+        if (is_wanted) {
+            visit(block, [&](Root root, uint64_t i) { wanted[block][i] = is_wanted(root); });
+            count = wanted[block].count();
         }
         start[block + 1] = count;
     });
@@ -294,7 +231,8 @@ std::vector<Candidate> draw_candidates(const DensityMask& mask, const DiscGrid& 
     marram::parallel_for(uint64_t{0}, blocks, [&](uint64_t block) {
         if (cancelled()) return;
         uint64_t at = start[block];
-        visit(block, [&](Root root) {
+        visit(block, [&](Root root, uint64_t i) {
+            if (is_wanted && !wanted[block][i]) return;
             candidates[at++] =
                 grid.candidate(root, mask.bind.point(root.triangle, root_weights(mask.groom.seed, root)));
         });
@@ -347,20 +285,20 @@ class NeighbourRuns {
 // One round over a range: decides the candidates that can be decided, and returns whether some are left. The
 // states of other threads may be read before or after they change; the result is the same, because a state
 // changes only once.
-bool decide(const std::vector<Candidate>& all, std::vector<std::atomic<uint8_t>>& state, uint32_t seed,
-            int64_t squared_radius, size_t begin, size_t end) {
+bool decide(const std::vector<Candidate>& all, std::vector<std::atomic<uint8_t>>& state,
+            const Priority& priority, int64_t squared_radius, size_t begin, size_t end) {
     bool waiting = false;
     NeighbourRuns runs(all, begin);
     for (size_t i = begin; i < end; ++i) {
         if (state[i].load(std::memory_order_relaxed) != undecided) continue;
         uint8_t verdict = kept;
         const Place3 place(all[i]);
-        const uint64_t mine = priority(seed, all[i].root);
+        const uint64_t mine = priority(all[i].root);
         runs.visit(i, [&](size_t j) {
             const uint8_t other = state[j].load(std::memory_order_relaxed);
             if (other == dropped || place.squared_distance(Place3(all[j])) >= squared_radius) return true;
             if (other == undecided) { // a kept one has higher priority
-                const uint64_t theirs = priority(seed, all[j].root);
+                const uint64_t theirs = priority(all[j].root);
                 if (theirs > mine || (theirs == mine && j > i)) return true;
             }
             verdict = other == kept ? dropped : undecided;
@@ -374,7 +312,7 @@ bool decide(const std::vector<Candidate>& all, std::vector<std::atomic<uint8_t>>
     return waiting;
 }
 
-void keep_spaced(std::vector<Candidate>& candidates, uint32_t seed, double radius_in_units,
+void keep_spaced(std::vector<Candidate>& candidates, const Priority& priority, double radius_in_units,
                  const std::function<bool()>& cancelled) {
     std::vector<std::atomic<uint8_t>> state(candidates.size());
     const double radius = radius_in_units * in_cell_steps / x_unit;
@@ -385,7 +323,7 @@ void keep_spaced(std::vector<Candidate>& candidates, uint32_t seed, double radiu
         waiting = marram::parallel_reduce(
             all, false,
             [&](const auto& range, bool any) {
-                return decide(candidates, state, seed, squared_radius, range.begin(), range.end()) || any;
+                return decide(candidates, state, priority, squared_radius, range.begin(), range.end()) || any;
             },
             std::logical_or<>());
     size_t count = 0;
@@ -396,19 +334,19 @@ void keep_spaced(std::vector<Candidate>& candidates, uint32_t seed, double radiu
 
 // Keeps the `count` candidates of highest priority, in their order. The hash is uniform, so a histogram of
 // its top bits finds the limit; only the bucket that contains the limit is sorted.
-void keep_highest_priority(std::vector<Candidate>& candidates, uint32_t seed, uint64_t count) {
+void keep_highest_priority(std::vector<Candidate>& candidates, const Priority& priority, uint64_t count) {
     constexpr int bucket_bits = 16;
     std::vector<uint64_t> histogram(size_t(1) << bucket_bits, 0);
-    const auto bucket = [&](const Candidate& c) { return priority(seed, c.root) >> (64 - bucket_bits); };
+    const auto bucket = [&](const Candidate& c) { return priority(c.root) >> (64 - bucket_bits); };
     for (const Candidate& c : candidates) ++histogram[bucket(c)];
     uint64_t before = 0, limit = 0;
     while (before + histogram[limit] < count) before += histogram[limit++];
     std::vector<uint64_t> at_limit;
     for (const Candidate& c : candidates)
-        if (bucket(c) == limit) at_limit.push_back(priority(seed, c.root));
+        if (bucket(c) == limit) at_limit.push_back(priority(c.root));
     std::ranges::sort(at_limit);
     const uint64_t last = at_limit[count - before - 1];
-    std::erase_if(candidates, [&](const Candidate& c) { return priority(seed, c.root) > last; });
+    std::erase_if(candidates, [&](const Candidate& c) { return priority(c.root) > last; });
     candidates.resize(
         std::min<size_t>(candidates.size(), count)); // equal priorities: the list's order decides
 }
@@ -438,26 +376,115 @@ std::vector<Root> in_space_order(std::vector<Candidate>& candidates) {
     return roots;
 }
 
+void check_count(const Groom& groom, double count) {
+    if (count > 4e8)
+        throw SceneFault(
+            "groom.too_many", groom.count_place,
+            fmt::format("{} asks for {:.3g} strands", groom.count > 0 ? "count" : "density", count),
+            "more than 4e8 do not fit: ask for fewer, or where most are far away add lod = true");
+}
+
 double surface_area(const Surface& bind) {
     double area = 0.0; // summed in order: the same at any thread count
     for (uint32_t t = 0; t < bind.triangle_count; ++t) area += bind.area(t);
     return area;
 }
 
+double coverage_of(double spacing) { return full_coverage * spacing * spacing; }
+
+std::vector<float> ranks_of(std::span<const Root> roots, const Priority& priority, double coverage) {
+    const KeptByAttempts order(coverage);
+    std::vector<float> ranks(roots.size());
+    marram::parallel_for(tbb::blocked_range<size_t>(0, roots.size(), 16384), [&](const auto& range) {
+        for (size_t i = range.begin(); i < range.end(); ++i)
+            ranks[i] = float(order.kept(std::ldexp(double(priority(roots[i])), -64)));
+    });
+    return ranks;
+}
+
+// How many candidates of each triangle are thrown first, as those of `first`: enough for a share of the roots,
+// with the exact limits of their priorities. Whether a candidate is kept depends on those of higher priority
+// around it, theirs on others: a chain of these that is 16 radii long is met once in 10^11 roots.
+struct FirstThrows {
+    std::vector<uint64_t> offsets; // [triangle + 1]
+    std::vector<uint64_t> limits;  // [triangle]
+};
+
+FirstThrows first_throws(const DensityMask& mask, const std::vector<uint64_t>& first, double density,
+                         double radius, double coverage, const ShareAround& share) {
+    const KeptByAttempts order(coverage);
+    const uint32_t count = mask.bind.triangle_count;
+    FirstThrows throws{std::vector<uint64_t>(size_t(count) + 1), std::vector<uint64_t>(count)};
+    std::vector<double> wanted(count); // roots
+    marram::parallel_for(tbb::blocked_range<uint32_t>(0, count, 4096), [&](const auto& range) {
+        for (uint32_t t = range.begin(); t < range.end(); ++t) {
+            const uint64_t all = first[size_t(t) + 1] - first[t];
+            if (all == 0) continue;
+            const double of_triangle = share(t, 16.0 * radius), attempts = order.attempts(of_triangle);
+            throws.limits[t] = Priority::share_of_all(attempts);
+            throws.offsets[size_t(t) + 1] = std::min(uint64_t(attempts * double(all)) + 1, all);
+            wanted[t] = of_triangle * density * mask.bind.area(t);
+        }
+    });
+    for (size_t t = 0; t < count; ++t) throws.offsets[t + 1] += throws.offsets[t];
+    check_count(mask.groom, std::accumulate(wanted.begin(), wanted.end(), 0.0));
+    return throws;
+}
+
 std::vector<Candidate> spaced_candidates(const DensityMask& mask, double density, double oversampling,
-                                         double spacing, const std::function<bool()>& cancelled,
-                                         PlacedRoots& placed) {
-    const double coverage = full_coverage * spacing * spacing;
+                                         double spacing, const ShareAround& share,
+                                         const std::function<bool()>& cancelled, PlacedRoots& placed) {
+    const double coverage = coverage_of(spacing);
     const double radius = 2.0 * std::sqrt(coverage / (pi * density));
     const DiscGrid grid = grid_of(mask.bind, radius);
-    std::vector<Candidate> candidates = draw_candidates(
-        mask, grid, density * attempts_per_disc(coverage) * oversampling, radius > 0.0, cancelled);
-    placed.peak_bytes = std::max(placed.peak_bytes, candidates.capacity() * (sizeof(Candidate) + 1));
-    if (radius > 0.0) keep_spaced(candidates, mask.groom.seed, radius / grid.unit, cancelled);
+    const std::vector<uint64_t> first =
+        candidate_offsets(mask, density * attempts_per_disc(coverage) * oversampling, radius > 0.0);
+    Priority priority{mask.groom.seed};
+    FirstThrows throws;
+    if (share) {
+        priority.first = &first;
+        throws = first_throws(mask, first, density, radius, coverage, share);
+    }
     // Masks thin the roots after spacing: a mask of 0.5 keeps half the strands, and a strand does not depend
     // on masks elsewhere.
-    if (mask.masked()) std::erase_if(candidates, [&](const Candidate& c) { return !mask.keeps(c.root); });
+    const bool spaced = radius > 0.0;
+    std::function<bool(Root)> is_wanted;
+    if (share || mask.masked())
+        is_wanted = [&](Root root) {
+            if (share && priority(root) > throws.limits[root.triangle]) return false;
+            return !mask.masked() || (spaced ? mask.at(root) > 0.0 : mask.keeps(root));
+        };
+    std::vector<Candidate> candidates =
+        draw_candidates(mask, grid, share ? throws.offsets : first, is_wanted, cancelled);
+    placed.peak_bytes = std::max(placed.peak_bytes, candidates.capacity() * (sizeof(Candidate) + 1));
+    if (spaced) {
+        keep_spaced(candidates, priority, radius / grid.unit, cancelled);
+        if (mask.masked()) std::erase_if(candidates, [&](const Candidate& c) { return !mask.keeps(c.root); });
+    }
+    if (share) {
+        placed.roots = in_space_order(candidates);
+        placed.ranks = ranks_of(placed.roots, priority, coverage);
+    }
     return candidates;
+}
+
+[[noreturn]] void refuse_masks(const Groom& groom) {
+    throw SceneFault("groom.masks_too_small", groom.count_place,
+                     "the density masks leave no room for " + std::to_string(groom.count) + " strands",
+                     "raise the masks or lower count");
+}
+
+// The density that a count asks for, where the masks are `mask.full`, which it sets.
+double density_for_count(DensityMask& mask, double area) {
+    const MaskStatistics statistics = mask_statistics(mask, area);
+    if (statistics.most > 0.0) mask.full = statistics.most;
+    if (!(statistics.mean > 0.0)) { // the samples may have missed a few triangles
+        bool any = false;
+        for (uint32_t t = 0; t < mask.bind.triangle_count && !any; ++t) any = may_grow(mask, t);
+        if (!any) refuse_masks(mask.groom);
+    }
+    const double mean = statistics.mean > 0.0 ? statistics.mean / mask.full : 1e-3;
+    return double(mask.groom.count) / (area * mean);
 }
 
 // Candidates for a count. Starts with as many as the masks' mean suggests, and increases them until enough
@@ -465,29 +492,16 @@ std::vector<Candidate> spaced_candidates(const DensityMask& mask, double density
 std::vector<Candidate> counted_candidates(DensityMask mask, double area,
                                           const std::function<bool()>& cancelled, PlacedRoots& placed) {
     const Groom& groom = mask.groom;
-    const auto refuse = [&] {
-        throw SceneFault("groom.masks_too_small", groom.count_place,
-                         "the density masks leave no room for " + std::to_string(groom.count) + " strands",
-                         "raise the masks or lower count");
-    };
-    const MaskStatistics statistics = mask_statistics(mask, area);
-    if (statistics.most > 0.0) mask.full = statistics.most;
-    if (!(statistics.mean > 0.0)) { // the samples may have missed a few triangles
-        bool any = false;
-        for (uint32_t t = 0; t < mask.bind.triangle_count && !any; ++t) any = may_grow(mask, t);
-        if (!any) refuse();
-    }
-    const double mean = statistics.mean > 0.0 ? statistics.mean / mask.full : 1e-3;
-    const double first = double(groom.count) / (area * mean);
+    const double first = density_for_count(mask, area);
     double density = first, spacing = groom.spacing;
     const double oversampling =
         1.1 + 8.0 / std::sqrt(double(groom.count)); // eight standard deviations of a random count
     constexpr int tries = 24;
     for (int i = 0; i < tries && !cancelled(); ++i) {
         std::vector<Candidate> candidates =
-            spaced_candidates(mask, density, oversampling, spacing, cancelled, placed);
+            spaced_candidates(mask, density, oversampling, spacing, {}, cancelled, placed);
         if (candidates.size() >= groom.count) {
-            keep_highest_priority(candidates, groom.seed, groom.count);
+            keep_highest_priority(candidates, {groom.seed}, groom.count);
             return candidates;
         }
         // Too few. With masks, the mean was too high; without masks, the count is small or thin parts have
@@ -499,30 +513,30 @@ std::vector<Candidate> counted_candidates(DensityMask mask, double area,
         else
             spacing = i > 8 ? 0.0 : spacing * 0.85;
     }
-    if (!cancelled()) refuse();
+    if (!cancelled()) refuse_masks(groom);
     return {};
 }
 
 } // namespace
 
-PlacedRoots place_roots(const Groom& groom, const Surface& bind, const std::function<bool()>& cancelled) {
+PlacedRoots place_roots(const Groom& groom, const Surface& bind, const std::function<bool()>& cancelled,
+                        const ShareAround& share) {
     const double area = surface_area(bind);
     if (!(area > 0.0))
         throw SceneFault("groom.no_area", groom.mesh_place, "the mesh '" + groom.mesh + "' has no area",
                          "strands need a surface to grow on");
     PlacedRoots placed;
     std::vector<Candidate> candidates;
-    const DensityMask mask{groom, bind};
-    if (groom.count > 0) {
+    DensityMask mask{groom, bind};
+    if (groom.count > 0 && !share) {
+        check_count(groom, double(groom.count));
         candidates = counted_candidates(mask, area, cancelled, placed);
-    } else if (groom.density > 0.0) {
-        if (groom.density * area > 4e8)
-            throw SceneFault("groom.too_many", groom.count_place,
-                             fmt::format("density asks for {:.3g} strands", groom.density * area),
-                             "more than 4e8 do not fit, ask for fewer a square metre");
-        candidates = spaced_candidates(mask, groom.density, 1.0, groom.spacing, cancelled, placed);
+    } else if (groom.count > 0 || groom.density > 0.0) {
+        const double density = groom.count > 0 ? density_for_count(mask, area) : groom.density;
+        if (!share) check_count(groom, density * area);
+        candidates = spaced_candidates(mask, density, 1.0, groom.spacing, share, cancelled, placed);
     }
-    placed.roots = in_space_order(candidates);
+    if (!share) placed.roots = in_space_order(candidates);
     return placed;
 }
 

@@ -47,7 +47,8 @@ const std::vector<std::string>& coarse_terrains(const std::string& file) {
     if (const auto found = changes.find(file); found != changes.end()) return found->second;
     std::vector<std::string>& made = changes[file];
     for (const Item& item : load_shot(file, {}, never).description.procedurals)
-        if (item.type == "terrain") made.push_back("procedural." + item.name + ".cell=1");
+        if (item.type == "terrain" && item.params.number("cell") < 1.0)
+            made.push_back("procedural." + item.name + ".cell=1");
     return made;
 }
 

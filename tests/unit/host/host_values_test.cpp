@@ -397,7 +397,7 @@ TEST(HostValues, TellEveryMistakeAtOnce) {
     const std::vector<std::string> expected = {
         "host.c:7: wind.spede is unknown: did you mean \"wind.speed\"?",
         "host.c:7: frequency is unknown: did you mean \"frizz.frequency\"?",
-        "host.c:7: count is 2.5: give a whole number from 1 to 4e8",
+        "host.c:7: count is 2.5: give a whole number from 1 to 2e9",
         "host.c:7: seed is -1: give a whole number from 0 to",
         "host.c:7: length runs from 1 down to 0.5: give the lower number first",
         "host.c:7: shape is the text \"ribon\": did you mean \"ribbon\"?",

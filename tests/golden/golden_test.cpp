@@ -229,6 +229,7 @@ TEST(GoldenFault, WhatAFrameShowsIsMissed) {
         {"round", "no clumps", {"procedural.grass.clump={size=0.3, amount=0}"}},
         {"oriented", "ribbons that face the camera", {"procedural.grass.shape=\"ribbon\""}},
         {"grass", "blades that let no light through", {"material.leaf.transmission_color=[0, 0, 0]"}},
+        {"coast", "far blades that are not widened", {"tolerance_pixels=0.25"}},
         {"sand", "no ripples", {"material.dune.ripple_height=0"}},
         {"strands", "reeds thinner by a third", {"procedural.reed_strands.width=0.02"}},
         {"strands", "grass shorter by a fifth", {"procedural.grass.guides.length=0.4"}},

@@ -87,8 +87,9 @@ uint32_t GroomInstance::update(std::span<const MarramValue> list, uint32_t input
         MARRAM_POSITIONS | MARRAM_TOPOLOGY | (uses_attributes ? uint32_t(MARRAM_ATTRIBUTES) : 0U);
     const bool same_mesh = (inputs & placement_inputs) == 0;
     const bool same_layout = same_roots && same_mesh && !(uses_guides && inputs != MARRAM_NOTHING) &&
-                             parsed.groom.cvs != 0 && !automatic.cvs && parsed.groom.cvs == groom.cvs &&
-                             parsed.groom.basis == groom.basis && parsed.groom.shape == groom.shape;
+                             parsed.groom.cvs != 0 && !automatic.cvs && !parsed.groom.level_of_detail &&
+                             parsed.groom.cvs == groom.cvs && parsed.groom.basis == groom.basis &&
+                             parsed.groom.shape == groom.shape;
     apply(std::move(parsed));
     if (!same_roots || (uses_guides && inputs != MARRAM_NOTHING)) placed = false;
     if (!same_mesh) mesh_may_differ = true;
@@ -191,7 +192,7 @@ MarramOutput GroomInstance::output() {
     output.kind = MARRAM_CURVES;
     made.number_patches(uint32_t(strands_per_patch(groom.cvs)));
     output.curve_count = made.curves;
-    output.all_curves = lod ? made.curves : mesh_instances.size() * roots.size();
+    output.all_curves = made.all_curves;
     output.cvs_per_curve = uint32_t(groom.cvs);
     output.patch_count = made.patches;
     output.time_count = time_count;
@@ -207,11 +208,10 @@ namespace {
 RestStrandSource patch_rest_strand_source(const GroomInstance& instance, const GroomPatch& patch,
                                           StageClock& clock) {
     const std::span<const Root> roots = patch.roots;
-    const std::span<const float> factors = patch.width_factors;
-    const auto lay_out = [&instance, roots, factors](const Surface& now, Strands& strands) {
+    const auto lay_out = [&instance, roots](const Surface& now, Strands& strands) {
         const auto guided = instance.guided(roots);
         expand(instance.groom, instance.wind, {instance.poses(0).bind, now}, roots, strands,
-               guided ? &*guided : nullptr, factors);
+               guided ? &*guided : nullptr);
     };
     return rest_strand_source(instance, patch.mesh_instance, lay_out, &clock);
 }
@@ -246,7 +246,7 @@ void GroomInstance::tessellate(uint32_t index, const MarramPatchBuffers& buffers
             run_chain(chain, time, strands, worker.chain);
         }
         const StageTimer timer(worker.chain.clock.expand);
-        write_vertices(*this, patch.roots, strands, buffers.vertices[time]);
+        write_vertices(*this, patch, strands, buffers.vertices[time]);
         if (strands.oriented) write_normals(strands, patch.roots.size(), buffers.normals[time]);
         if (time > 0) continue;
         for (uint32_t a = 0; a < buffers.attribute_count; ++a)

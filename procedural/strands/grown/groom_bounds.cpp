@@ -14,18 +14,20 @@ namespace {
 // third of a segment.
 double reach_from_root(const GroomInstance& instance, double max_coordinate, double width_factor) {
     const Groom& groom = instance.groom;
-    const double length = longest_strand(groom), width = width_factor * groom.width;
+    const double length = longest_strand(groom);
     double max_radius = 0.0; // of a strand of width 1
     for (const float radius : instance.radius_profile) max_radius = std::max(max_radius, double(radius));
     const double overshoot = groom.basis == MARRAM_CATMULL_ROM ? length / (3.0 * (groom.cvs - 1)) : 0.0;
     double offset = 0.0, clearance = 0.0;
     if (const auto& collision = instance.wind.collision) {
-        offset = root_offset(*collision, length, width * instance.radius_profile[0]);
+        offset = root_offset(*collision, length, groom.width * instance.radius_profile[0]);
         clearance = std::max(collision->clearance.value_or(0.0), offset);
     }
     // At least 1: clearances do not shrink with instances.
     const double instance_scale = std::max(max_instance_scale(instance.mesh_instances), 1.0);
-    return instance_scale * (length + overshoot + width * max_radius + offset + clearance) * (1.0 + 1e-5) +
+    return instance_scale *
+               (length + overshoot + width_factor * groom.width * max_radius + offset + clearance) *
+               (1.0 + 1e-5) +
            4.0 * (max_coordinate + instance_scale * (length + offset)) * 0x1p-23;
 }
 

@@ -50,7 +50,7 @@ void find_canopy(GroomInstance& instance) {
     };
     if (instance.canopy && std::ranges::none_of(factors_of(instance.groom), changes)) return;
     constexpr size_t batch = 512;
-    // Those of a level of detail stand for all: their widths do.
+    // Those of a level of detail, and of a preview's share of it, stand for all.
     const std::span<const Root> roots = instance.lod ? instance.made.roots : std::span(instance.roots);
     const std::span<const float> factors = instance.made.width_factors;
     const size_t count = roots.size();
@@ -66,9 +66,11 @@ void find_canopy(GroomInstance& instance) {
         strands.resize(int(size), groom.cvs, false);
         const std::span<const Root> some = roots.subspan(first, size);
         const auto guided = instance.lod ? instance.guided(some) : instance.guided(first, size);
-        expand(groom, instance.wind, {poses.bind, poses.bind}, some, strands, guided ? &*guided : nullptr,
-               factors.empty() ? factors : factors.subspan(first, size));
-        for (size_t i = 0; i < size; ++i) stand[first + i] = canopy_strand(strands, i, mean_width);
+        expand(groom, instance.wind, {poses.bind, poses.bind}, some, strands, guided ? &*guided : nullptr);
+        for (size_t i = 0; i < size; ++i) {
+            stand[first + i] = canopy_strand(strands, i, mean_width);
+            if (!factors.empty()) stand[first + i].area *= double(factors[first + i]) / instance.made.share;
+        }
     });
     instance.canopy = std::make_shared<const Canopy>(stand, groom.canopy_attenuation);
     if (count > 0 && !(instance.canopy->mean_index() > 0.0))

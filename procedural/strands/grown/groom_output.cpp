@@ -31,14 +31,15 @@ bool asks_for_contact(const MarramPatchBuffers& buffers) {
     return std::ranges::count(std::span(buffers.attributes, buffers.attribute_count), touched) > 0;
 }
 
-void write_vertices(const GroomInstance& instance, std::span<const Root> roots, const Strands& strands,
+void write_vertices(const GroomInstance& instance, const GroomPatch& patch, const Strands& strands,
                     float* out) {
     const int cvs = strands.cvs;
     const std::vector<float>& profile = instance.radius_profile;
-    for (size_t i = 0; i < roots.size(); ++i) {
+    for (size_t i = 0; i < patch.roots.size(); ++i) {
         const Wide3f* pose = strands.pose.data() + (i / lanes) * size_t(cvs);
         const auto lane = int(i % lanes);
-        const auto width = float(strands.width[i / lanes][lane]);
+        const float factor = patch.width_factors.empty() ? 1.0F : patch.width_factors[i];
+        const float width = factor * float(strands.width[i / lanes][lane]);
         float* strand = out + i * size_t(cvs + 2) * 4;
         for (int k = 0; k < cvs; ++k) {
             float* v = strand + 4 * (k + 1);

@@ -14,7 +14,7 @@ bool asks_for_contact(const MarramPatchBuffers& buffers);
 
 // One motion sample of a patch: count * (CVs + 2) vertices of four floats, including the phantom CVs at both
 // ends.
-void write_vertices(const GroomInstance& instance, std::span<const Root> roots, const Strands& strands,
+void write_vertices(const GroomInstance& instance, const GroomPatch& patch, const Strands& strands,
                     float* out);
 
 // count * (CVs + 2) normals of three floats.

@@ -273,10 +273,15 @@ void place_sample(GroomInstance& instance) {
     if (!instance.lod) return;
     constexpr size_t enough = 4096;
     const double begin = wall_seconds();
-    // The share is not known before: masks may thin them, too.
-    for (double share = 1e-4;; share = std::min(16.0 * share, 1.0)) {
+    const Surface bind = instance.poses(0).bind;
+    double all = double(instance.groom.count); // before masks
+    if (instance.groom.count == 0)
+        for (uint32_t t = 0; t < bind.triangle_count; ++t) all += instance.groom.density * bind.area(t);
+    // Masks may thin them: more are placed until there are enough.
+    for (double share = std::min(double(enough) / std::max(all, 1.0), 1.0);;
+         share = std::min(16.0 * share, 1.0)) {
         instance.sample = place_roots(
-                              instance.groom, instance.poses(0).bind, [&] { return instance.cancelled(); },
+                              instance.groom, bind, [&] { return instance.cancelled(); },
                               [share](uint32_t, double) { return share; })
                               .roots;
         instance.stop_if_cancelled();

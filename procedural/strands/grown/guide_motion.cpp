@@ -130,7 +130,7 @@ void follow_guides(const GroomInstance& instance, const GroomPatch& patch, uint3
     // strands, and the rest strands are kept.
     std::swap(strands.rest, strands.pose);
     std::swap(strands.rest_normal, strands.pose_normal);
-    expand(instance.groom, instance.wind, instance.poses(time), roots, strands, &guided, patch.width_factors);
+    expand(instance.groom, instance.wind, instance.poses(time), roots, strands, &guided);
     transform_to_instance(instance, mesh_instance, time, strands);
     std::swap(strands.rest, strands.pose);
     std::swap(strands.rest_normal, strands.pose_normal);

@@ -13,22 +13,29 @@
 namespace marram {
 namespace {
 
+// The share at a place on a mesh instance, whose widths scale with it; `reach`: of what is around the place.
+double share_at(const GroomInstance& instance, const MeshInstance& on, const Vec3d& place, double reach) {
+    return instance.lod->share_at((instance.lod->distance_of(place) - reach) /
+                                  uniform_scale(on.transform(0)));
+}
+
 // Adds those of the roots that are below the share where they are on a mesh instance.
-void add_level(const GroomInstance& instance, const MeshInstance& on, double share, MadeStrands& made) {
+void add_level(const GroomInstance& instance, const MeshInstance& on, MadeStrands& made) {
     const std::vector<Root>& roots = instance.roots;
     const Surface now = instance.poses(0).now;
     const uint32_t seed = instance.groom.seed;
     std::vector<float> factors(roots.size());
     marram::parallel_for(tbb::blocked_range<size_t>(0, roots.size(), 4096), [&](const auto& range) {
         for (size_t i = range.begin(); i < range.end(); ++i) {
-            if (share < 1.0 && unit_double(root_hash(seed, roots[i], Purpose::share)) >= share) continue;
             const Vec3d at = on.transform(0) * now.point(roots[i].triangle, root_weights(seed, roots[i]));
-            factors[i] = float(width_factor(double(instance.ranks[i]),
-                                            instance.lod->share_at(instance.lod->distance_of(at))));
+            factors[i] = float(width_factor(double(instance.ranks[i]), share_at(instance, on, at, 0.0)));
         }
     });
     for (size_t i = 0; i < roots.size(); ++i) {
         if (!(factors[i] > 0.0F)) continue;
+        ++made.all_curves;
+        if (made.share < 1.0 && unit_double(root_hash(seed, roots[i], Purpose::share)) >= made.share)
+            continue;
         made.roots.push_back(roots[i]);
         if (!instance.blends.empty()) made.blends.push_back(instance.blends[i]);
         made.width_factors.push_back(factors[i]);
@@ -37,10 +44,10 @@ void add_level(const GroomInstance& instance, const MeshInstance& on, double sha
 }
 
 // Adds the roots of a preview's share: they depend on the hash of each alone.
-void add_share(const GroomInstance& instance, double share, MadeStrands& made) {
+void add_share(const GroomInstance& instance, MadeStrands& made) {
     for (size_t i = 0; i < instance.roots.size(); ++i) {
         const Root root = instance.roots[i];
-        if (unit_double(root_hash(instance.groom.seed, root, Purpose::share)) >= share) continue;
+        if (unit_double(root_hash(instance.groom.seed, root, Purpose::share)) >= made.share) continue;
         made.roots.push_back(root);
         if (!instance.blends.empty()) made.blends.push_back(instance.blends[i]);
     }
@@ -76,9 +83,8 @@ ShareAround share_around(const GroomInstance& instance) {
         for (const Vec3d& corner : p) radius = std::max(radius, margin + (corner - centre).norm());
         for (const MeshInstance& on : instance.mesh_instances) {
             const Eigen::Affine3d& transform = on.transform(0);
-            const double nearest =
-                instance.lod->distance_of(transform * centre) - uniform_scale(transform) * radius;
-            share = std::max(share, instance.lod->share_at(nearest));
+            share = std::max(share,
+                             share_at(instance, on, transform * centre, uniform_scale(transform) * radius));
             if (share == 1.0) break;
         }
         return share;
@@ -87,19 +93,19 @@ ShareAround share_around(const GroomInstance& instance) {
 
 MadeStrands choose_strands(const GroomInstance& instance) {
     MadeStrands made;
-    const double share =
-        instance.frame.share > 0.0 && instance.frame.share < 1.0 ? instance.frame.share : 1.0;
-    made.all = share == 1.0 && !instance.lod;
-    if (!made.all && !instance.lod) add_share(instance, share, made);
+    if (instance.frame.share > 0.0 && instance.frame.share < 1.0) made.share = instance.frame.share;
+    made.all = made.share == 1.0 && !instance.lod;
+    if (!made.all && !instance.lod) add_share(instance, made);
     for (const MeshInstance& on : instance.mesh_instances) {
         MadeStrands::OnInstance& strands = made.on.emplace_back();
         strands.first_curve = made.curves;
         if (instance.lod) {
             strands.begin = made.roots.size();
-            add_level(instance, on, share, made);
+            add_level(instance, on, made);
         }
         strands.count = (made.all ? instance.roots.size() : made.roots.size()) - strands.begin;
         made.curves += strands.count;
+        if (!instance.lod) made.all_curves += instance.roots.size();
     }
     if (!made.all)
         made.digest = Digest()

@@ -30,9 +30,10 @@ struct MadeStrands {
     std::vector<Root> roots;
     std::vector<GuideBlend> blends;   // [root], if there are guides
     std::vector<float> width_factors; // [root], if there is a level of detail
-    double widest = 1.0;              // factor
+    double widest = 1.0;              // factor; of rendered widths alone: strands move and collide as all do
     std::vector<OnInstance> on;       // [mesh instance]
-    uint64_t curves = 0;
+    uint64_t curves = 0, all_curves = 0; // all: without the preview's share
+    double share = 1.0;                  // of a preview
     uint32_t patches = 0;
     uint64_t digest = 0; // of what is chosen; 0: all
 

@@ -376,13 +376,15 @@ std::vector<Root> in_space_order(std::vector<Candidate>& candidates) {
     return roots;
 }
 
-void check_count(const Groom& groom, double count) {
+// asks: what asks for the strands.
+void check_count(const Groom& groom, double count, const char* asks, const char* remedy) {
     if (count > 4e8)
-        throw SceneFault(
-            "groom.too_many", groom.count_place,
-            fmt::format("{} asks for {:.3g} strands", groom.count > 0 ? "count" : "density", count),
-            "more than 4e8 do not fit: ask for fewer, or where most are far away add lod = true");
+        throw SceneFault("groom.too_many", groom.count_place,
+                         fmt::format("{} asks for {:.3g} strands", asks, count),
+                         std::string("more than 4e8 do not fit: ") + remedy);
 }
+
+constexpr const char* fewer = "ask for fewer, or where most are far away add lod = true";
 
 double surface_area(const Surface& bind) {
     double area = 0.0; // summed in order: the same at any thread count
@@ -397,7 +399,8 @@ std::vector<float> ranks_of(std::span<const Root> roots, const Priority& priorit
     std::vector<float> ranks(roots.size());
     marram::parallel_for(tbb::blocked_range<size_t>(0, roots.size(), 16384), [&](const auto& range) {
         for (size_t i = range.begin(); i < range.end(); ++i)
-            ranks[i] = float(order.kept(std::ldexp(double(priority(roots[i])), -64)));
+            ranks[i] = std::min(float(order.kept(std::ldexp(double(priority(roots[i])), -64))),
+                                1.0F - 0x1p-24F); // below 1, the share of all
     });
     return ranks;
 }
@@ -427,7 +430,8 @@ FirstThrows first_throws(const DensityMask& mask, const std::vector<uint64_t>& f
         }
     });
     for (size_t t = 0; t < count; ++t) throws.offsets[t + 1] += throws.offsets[t];
-    check_count(mask.groom, std::accumulate(wanted.begin(), wanted.end(), 0.0));
+    check_count(mask.groom, std::accumulate(wanted.begin(), wanted.end(), 0.0), "the level of detail",
+                "ask for fewer, or raise tolerance_pixels");
     return throws;
 }
 
@@ -529,11 +533,11 @@ PlacedRoots place_roots(const Groom& groom, const Surface& bind, const std::func
     std::vector<Candidate> candidates;
     DensityMask mask{groom, bind};
     if (groom.count > 0 && !share) {
-        check_count(groom, double(groom.count));
+        check_count(groom, double(groom.count), "count", fewer);
         candidates = counted_candidates(mask, area, cancelled, placed);
     } else if (groom.count > 0 || groom.density > 0.0) {
         const double density = groom.count > 0 ? density_for_count(mask, area) : groom.density;
-        if (!share) check_count(groom, density * area);
+        if (!share) check_count(groom, density * area, groom.count > 0 ? "count" : "density", fewer);
         candidates = spaced_candidates(mask, density, 1.0, groom.spacing, share, cancelled, placed);
     }
     if (!share) placed.roots = in_space_order(candidates);

@@ -117,8 +117,8 @@ void set_centre(const Guided& guided, const GuideBlend& blend, std::span<const V
 }
 
 void set_root(const Groom& groom, const Wind& wind, const SkinPoses& poses, Root root,
-              const GuideBlend* blend, const Guided* guided, double width_factor, int lane, Roots8& roots,
-              Strands& strands, size_t block) {
+              const GuideBlend* blend, const Guided* guided, int lane, Roots8& roots, Strands& strands,
+              size_t block) {
     const uint32_t seed = groom.seed;
     const Vec3d weights = root_weights(seed, root);
     const SurfaceFrame frame = frame_at(poses.now, root.triangle, weights);
@@ -137,7 +137,7 @@ void set_root(const Groom& groom, const Wind& wind, const SkinPoses& poses, Root
         const Factors& factors = groom.factors[what];
         return factors.empty() ? 1.0 : product(factors, poses.bind, root.triangle, weights);
     };
-    const double width = width_factor * groom.width * factor_at_root(of_width) *
+    const double width = groom.width * factor_at_root(of_width) *
                          (1.0 - groom.width_variation * unit_double(root_hash(seed, root, Purpose::width)));
     strands.width[block][lane] = width;
 
@@ -263,7 +263,7 @@ MARRAM_HOT void lay_out(const Groom& groom, const Roots8& roots, const ShapeStep
 } // namespace
 
 void expand(const Groom& groom, const Wind& wind, const SkinPoses& poses, std::span<const Root> roots,
-            Strands& strands, const Guided* guided, std::span<const float> width_factors) {
+            Strands& strands, const Guided* guided) {
     const int cvs = strands.cvs;
     const auto rest_guides = guided && guided->offsets.empty() ? guided->set.resampled(cvs) : nullptr;
     const std::span<const Vec3f> guides =
@@ -283,9 +283,7 @@ void expand(const Groom& groom, const Wind& wind, const SkinPoses& poses, std::s
         for (int lane = 0; lane < lanes; ++lane) {
             const size_t i = std::min(size_t(block) * lanes + size_t(lane), roots.size() - 1);
             const GuideBlend* blend = guided ? &guided->blends[i] : nullptr;
-            const double width_factor = width_factors.empty() ? 1.0 : double(width_factors[i]);
-            set_root(groom, wind, poses, roots[i], blend, guided, width_factor, lane, eight, strands,
-                     size_t(block));
+            set_root(groom, wind, poses, roots[i], blend, guided, lane, eight, strands, size_t(block));
             if (blend)
                 set_centre(*guided, *blend, guides, roots[i], root_weights(groom.seed, roots[i]), cvs, lane,
                            centres);

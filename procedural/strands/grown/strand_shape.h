@@ -15,10 +15,9 @@ namespace marram {
 // with the roots' positions at `bind` or now (Wind::noise_at_bind_frame). With collision, roots are raised
 // above the skin by root_offset(). strands must have been resized to roots.size(). Segments of a strand are
 // equally long and add up to the requested length. Cost: about 0.3 us per root + 15 ns per CV of a plain
-// strand, single thread. guided: for a groom with guides; its blends belong to `roots`. width_factors:
-// [root], of a level of detail; empty: 1.
+// strand, single thread. guided: for a groom with guides; its blends belong to `roots`.
 void expand(const Groom& groom, const Wind& wind, const SkinPoses& poses, std::span<const Root> roots,
-            Strands& strands, const Guided* guided = nullptr, std::span<const float> width_factors = {});
+            Strands& strands, const Guided* guided = nullptr);
 
 // Upper bound of the strands' lengths, m.
 double longest_strand(const Groom& groom);

@@ -157,6 +157,36 @@ TEST(LevelOfDetailOfStrands, EachInstanceHasItsOwn) {
     EXPECT_EQ(some.curves[0].curve_count, near + middle + far);
 }
 
+// Strands are widened as they are rendered; they collide as all do.
+TEST(LevelOfDetailOfStrands, CollideWithTheirOwnWidth) {
+    const std::string floor =
+        field + mesh("sheet", "plane", "size = [60, 60]\ntransform = { translate = [0, 0.3, 0] }\n");
+    const std::string collides =
+        "\n[wind]\nspeed = 8\nglobal_rotate = 1\ncollision = { solver = \"exact\" }\n";
+    TestScene all(floor + groom("grass", "ground", grass) + collides);
+    TestScene few(floor + groom("grass", "ground", grass + "lod = true\n") + collides);
+    look_from(all, {0, 2, 80});
+    look_from(few, {0, 2, 80});
+    const auto of_all = strands_of(all.build()), of_some = strands_of(few.build());
+    EXPECT_LT(of_some.size(), of_all.size() / 3);
+    for (const auto& [root, strand] : of_some) {
+        const auto same = of_all.find(root);
+        ASSERT_NE(same, of_all.end());
+        for (size_t k = 0; k < strand.cvs.size(); ++k) EXPECT_EQ(strand.cvs[k], same->second.cvs[k]);
+    }
+}
+
+TEST(LevelOfDetailOfStrands, APreviewsShareIsOfThem) {
+    const std::string text = field + groom("grass", "ground", grass + "lod = true\n");
+    TestScene whole(text), part(text);
+    look_from(whole, {0, 2, 40});
+    look_from(part, {0, 2, 40});
+    part.settings.share = 0.25;
+    const World every = whole.build(), some = part.build();
+    EXPECT_EQ(some.curves[0].all_curves, every.curves[0].curve_count);
+    EXPECT_NEAR(double(some.curves[0].curve_count) / double(every.curves[0].curve_count), 0.25, 0.02);
+}
+
 TEST(LevelOfDetailOfStrands, OthersReadAllOfThem) {
     const std::string guides = groom("guides", "ground", grass + "lod = true\n");
     const std::string children = "\n[[procedural]]\ntype = \"groom\"\nname = \"children\"\non = "

@@ -9,9 +9,9 @@ namespace marram {
 namespace {
 
 // Greatest distance of any part of a strand from its root, including width and clearance. `max_coordinate`:
-// of the roots; `width_factor`: the widest. Bending preserves length, so a strand stays in a ball about its root. B-splines stay in the
-// convex hull of their CVs, also in the end spans with phantom CVs; Catmull-Rom leaves it by less than a
-// third of a segment.
+// of the roots; `width_factor`: the greatest, of rendered widths. Bending preserves length, so a strand stays
+// in a ball about its root. B-splines stay in the convex hull of their CVs, also in the end spans with phantom
+// CVs; Catmull-Rom leaves it by less than a third of a segment.
 double reach_from_root(const GroomInstance& instance, double max_coordinate, double width_factor) {
     const Groom& groom = instance.groom;
     const double length = longest_strand(groom);

@@ -17,6 +17,9 @@
 //     f(rank) = W                       rank <= s (1 - t)
 //               W (s - rank) / (s t)    rank < s              t = min(1/5, 1 - s),    W = 1 / (s (1 - t / 2))
 //
+// It scales the rendered width alone: strands bend and collide with their own. w is that of the groom's widest
+// strand, scaled by its mesh instance; where width_by makes strands narrower, these stay narrower than tau.
+//
 // The mean of f over all ranks is 1: the area that strands cover stays. f is continuous in s, and s in d. So
 // nothing pops. s depends on the distance alone, not on where the camera looks.
 //

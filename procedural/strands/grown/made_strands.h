@@ -55,8 +55,8 @@ uint64_t digest_of_levels(const GroomInstance& instance);
 // detail. The instance must outlive it.
 ShareAround share_around(const GroomInstance& instance);
 
-// Chooses among the instance's roots, for its frame and mesh instances. Cost: 20 ns a root and mesh instance
-// with a level of detail.
+// Chooses among the instance's roots, for its frame and mesh instances. Cost: with a level of detail, a distance
+// for each root on each mesh instance.
 MadeStrands choose_strands(const GroomInstance& instance);
 
 } // namespace marram

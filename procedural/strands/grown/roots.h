@@ -26,13 +26,15 @@ struct PlacedRoots {
     size_t peak_bytes = 0;    // of the temporary candidates
 };
 
-// The greatest share of roots that is wanted at most `margin` metres from a triangle, 0 ... 1. Any thread.
+// The greatest share of roots that is wanted at most `margin` metres of the bind pose from a triangle, 0 ... 1.
+// Any thread.
 using ShareAround = std::function<double(uint32_t triangle, double margin)>;
 
 // share: of all roots, only those whose rank is below the share at their triangle, and few others: the same
 // ones, with the same ranks, whatever the shares elsewhere. The fraction r of all roots was thrown before one
 // of rank r. A count is then that of all, within 2 %; with a count, or where spacing is not 0, other
-// roots are thrown than without a share. Cost: nothing for roots that are left out.
+// roots are thrown than without a share. Cost: that of the roots that are wanted, and a share for each triangle.
+// Throws SceneFault if more than 4e8 are wanted.
 PlacedRoots place_roots(const Groom& groom, const Surface& bind, const std::function<bool()>& cancelled,
                         const ShareAround& share = {});
 
